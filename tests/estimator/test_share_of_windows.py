@@ -7,9 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sinan.estimator.evidence.flights.prediction import EVERY, WINDOW, _sums, _variance_by_colour, _variance_of_sum
+from sinan.estimator.evidence.flights.prediction import (
+    EVERY,
+    POSITIVE,
+    SURELY_TOLD,
+    WINDOW,
+    Share,
+    _sums,
+    _variance_by_colour,
+    _variance_of_sum,
+)
 from sinan.estimator.evidence.flights.source import FlightSource
+from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.evidence.term import Term
+from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.flight import Flight
 from sinan.sensors.noise import colour
 from tests.estimator.analytic_flight import fly
@@ -155,3 +166,37 @@ def test_without_effects_as_much_is_known_of_the_biases_as_with_them() -> None:
     plain, none = source.fit(()), source.fit([Term("accel.vibration")])
     assert not np.any(none.beta[Term("accel.vibration")])
     assert np.sqrt(np.sum(source._prediction.share(none, plain).squares)) < 1e-3
+
+
+def test_a_share_of_that_sigma_is_positive_evidence_nine_times_in_ten() -> None:
+    rng, squares = np.random.default_rng(8), np.full(400, 2.0)
+    believed = np.full(400, (SURELY_TOLD * 2.0) ** 2 * 400.0)
+    told = [
+        Share(squares + np.sqrt(believed) * rng.standard_normal(400), squares, believed).log_ratio > POSITIVE
+        for _ in range(4000)
+    ]
+    assert np.mean(told) == pytest.approx(0.9, abs=0.03)
+
+
+def test_what_is_called_detectable_is_told_over_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what withheld readings hardly tell a larger size is; of what they tell well, and of noise, the same."""
+    recording, _ = fly(4, duration=40.0, sensors=("mag", "gps"))
+    source = FlightSource(Flight.of(recording), recording)
+    plain = source.fit(())
+    evidence = source.evidence(plain)
+    every = {name: statistic_of(evidence, name, []) for name in evidence.names}
+    before = {name: s for name, s in every.items() if np.all(np.isfinite(s.detectable_from))}
+    monkeypatch.setattr(FlightSource, "is_predicting", True)
+    changed = []
+    for name, s in before.items():
+        after = source._as_seconds_tell(plain, [s])[0]
+        times = after.detectable_from / s.detectable_from
+        assert times == pytest.approx(np.full(len(times), times[0]))
+        if times[0] > 1.0:
+            changed.append(name)
+            best = np.argmin(s.detectable_from / Term(name).effect.plausible_in(source._passes.plain_motion))
+            beta = np.where(np.arange(len(times)) == best, after.detectable_from, 0.0)
+            share = source._prediction.share_if_there(plain, Terms.of({Term(name).effect: beta}))
+            assert share.sigma == pytest.approx(SURELY_TOLD, rel=0.1)
+    assert "gyro.g_sensitivity" in changed
+    assert set(changed) < set(before) - {"accel.vibration"}

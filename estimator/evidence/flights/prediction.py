@@ -20,7 +20,7 @@ from sinan.estimator.evidence.flights.withheld import Window
 from sinan.estimator.evidence.source import Fit, StreamResidual
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.evidence.weighing import in_weight
-from sinan.estimator.filter.effect_forms import Terms
+from sinan.estimator.filter.effect_forms import Along, Terms
 from sinan.estimator.filter.events import WITHHELD, variances
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.journal import StreamJournal
@@ -38,6 +38,9 @@ SHORTEST_ASKED = 2.0 * EVERY
 LEVEL = 0.05
 #: Logarithm of the odds that count as positive evidence (Kass and Raftery 1995: 2 log of the odds above 2).
 POSITIVE = 1.0
+#: 1-sigma s of a share with which a true effect has positive evidence nine times in ten, 2 s^2 + 2 z s = 1: of a normal
+#: law z = norm.ppf(0.9).
+SURELY_TOLD = 0.31
 #: Parts of a log, each predicted by what the others say of the effects: three quarters of it, which know an effect to
 #: sqrt(4/3) times the sigma of all, 15 % more.
 FOLDS = 4
@@ -181,6 +184,7 @@ class Prediction:
         self._passes, self._streams = passes, tuple(streams)
         # a fit is whole passes, so that here none outlives those that `KnownFits` keeps and its callers hold
         self._known: WeakKeyDictionary[Fitted, Sequence[_Withheld]] = WeakKeyDictionary()
+        self._plain: tuple[Fitted, Sequence[_Withheld]] | None = None
         t = passes.table.t
         self._edges = t[np.round(np.linspace(0, len(t) - 1, FOLDS + 1)).astype(np.int64)]
         begins = np.arange(passes.start + WINDOW, passes.end - WINDOW, EVERY)
@@ -205,12 +209,32 @@ class Prediction:
             nis = np.minimum(plain, np.sum((e - d) ** 2, axis=1))
             normal = held.normal[mine] + 0.5 * (plain - nis)
             weight = 1.0 / self._passes.flight.model.spread(one.stream, nis, one.dof[mine], normal)
-            window, whitening, state, since = (
-                known[mine] for known in (held.window, held.whitening, held.state, held.since)
-            )
-            for k in np.unique(window):
-                at = window == k
-                sums[:, k] += _sums(e[at], d[at], weight[at], whitening[at], state[at], since[at], held.colours)
+            sums += self._summed(held, mine, e, d, weight)
+        return Share(*sums)
+
+    def _summed(self, held: _Withheld, rows: IntArray, e: FloatArray, d: FloatArray, weight: FloatArray) -> FloatArray:
+        """(3, windows) `_sums` of some of the readings of one stream, by window."""
+        found = np.zeros((3, len(self._windows)))
+        window, whitening, state, since = (
+            known[rows] for known in (held.window, held.whitening, held.state, held.since)
+        )
+        for k in np.unique(window):
+            at = window == k
+            found[:, k] = _sums(e[at], d[at], weight[at], whitening[at], state[at], since[at], held.colours)
+        return found
+
+    def share_if_there(self, fit: Fit, more: Terms) -> Share:
+        """Of effects that a fit has not, if they were there: how well withheld readings would tell of them."""
+        state = fit.detail
+        assert isinstance(state, Fitted)
+        if self._plain is None or self._plain[0] is not state:
+            self._plain = state, self._withheld([(self._passes.along(state.own, state.motion), self._windows)])
+        after = self._withheld([(self._passes.along(state.own.joined(more), state.motion), self._windows)])
+        sums = np.zeros((3, len(self._windows)))
+        for held, other in zip(self._plain[1], after, strict=True):
+            _, mine, same = np.intersect1d(held.residual.row, other.residual.row, return_indices=True)
+            d = held.residual.whitened[mine] - other.residual.whitened[same]
+            sums += self._summed(held, mine, d, d, np.ones(len(d)))
         return Share(*sums)
 
     def of(self, fit: Fit) -> Sequence[StreamResidual]:
@@ -242,6 +266,11 @@ class Prediction:
                 mine = [window for window in self._windows if first <= window[0] + 0.5 * WINDOW < last]
                 own = self._given(fit, first, last, mine) if fit.in_mean else state.own
                 asked.append((self._passes.along(own, state.motion), mine))
+        self._known[state] = found = self._withheld(asked)
+        return found
+
+    def _withheld(self, asked: Sequence[tuple[Along, Sequence[Window]]]) -> Sequence[_Withheld]:
+        """Of windows, each with the effects and along the motion that it is asked with."""
         found = []
         for name, unit in self._streams:
             parts = [
@@ -250,7 +279,6 @@ class Prediction:
                 if windows
             ]
             found += self._residual(name, unit, parts)
-        self._known[state] = found
         return found
 
     def _given(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> Terms:

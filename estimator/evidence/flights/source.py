@@ -19,7 +19,7 @@ from sinan.estimator.evidence.flights.known_columns import KnownColumns
 from sinan.estimator.evidence.flights.known_fits import KnownFits, Question
 from sinan.estimator.evidence.flights.open_levels import OpenLevels
 from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
-from sinan.estimator.evidence.flights.prediction import Prediction
+from sinan.estimator.evidence.flights.prediction import SURELY_TOLD, Prediction
 from sinan.estimator.evidence.intervals.doubted import doubted_in
 from sinan.estimator.evidence.intervals.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
 from sinan.estimator.evidence.intervals.outliers import ADDED as WRONG_DOF
@@ -269,14 +269,14 @@ class FlightSource(OfFlight):
         """
         levels = self._open_levels() if self._open_levels is not None and statistics else None
         if levels is None:
-            return self._as_late_as_samples(statistics)
+            return self._as_seconds_tell(fit, self._as_late_as_samples(statistics))
         effects = [Term(s.name).effect for s in statistics]
         sides = [[self._stds(fit, effects, flight) for flight in pair] for pair in levels.sides]
         found = []
         for k, s in enumerate(statistics):
             less, more = (np.array([pair[side][k] for pair in sides]) for side in (0, 1))
             found.append(replace(s, detectable_from=s.detectable_from * levels.wider(less, more)))
-        return self._as_late_as_samples(found)
+        return self._as_seconds_tell(fit, self._as_late_as_samples(found))
 
     def _as_late_as_samples(self, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
         """With no less than what is told nine times in ten for lateness of streams whose model has one that is not."""
@@ -290,6 +290,26 @@ class FlightSource(OfFlight):
                 std = s.detectable_from / np.sqrt(DETECTABLE_LAMBDA)
                 least = told_late_from(step, std, TOLD_LATE + NINE_IN_TEN)
                 s = replace(s, detectable_from=np.maximum(s.detectable_from, least))
+            found.append(s)
+        return found
+
+    def _as_seconds_tell(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
+        """With no less than what withheld readings bear out nine times in ten, where an effect has to be: as large in
+        all components as in the one that is seen best.
+        """
+        if not self.is_predicting:
+            return statistics
+        found = []
+        for s in statistics:
+            term = Term(s.name)
+            sizes = s.detectable_from / term.effect.plausible_in(self._passes.plain_motion)
+            if term.in_mean and np.min(sizes) < IMPLAUSIBLE:
+                beta = np.where(np.arange(len(sizes)) == np.argmin(sizes), s.detectable_from, 0.0)
+                try:
+                    share = self._prediction.share_if_there(fit, Terms.of({term.effect: beta}))
+                    s = replace(s, detectable_from=s.detectable_from * max(1.0, share.sigma / SURELY_TOLD))
+                except InputError:  # with so large an effect no state follows
+                    pass
             found.append(s)
         return found
 
