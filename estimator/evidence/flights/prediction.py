@@ -184,7 +184,7 @@ class Prediction:
         self._passes, self._streams = passes, tuple(streams)
         # a fit is whole passes, so that here none outlives those that `KnownFits` keeps and its callers hold
         self._known: WeakKeyDictionary[Fitted, Sequence[_Withheld]] = WeakKeyDictionary()
-        self._plain: tuple[Fitted, Sequence[_Withheld]] | None = None
+        self._at_once: WeakKeyDictionary[Fitted, Sequence[_Withheld]] = WeakKeyDictionary()
         t = passes.table.t
         self._edges = t[np.round(np.linspace(0, len(t) - 1, FOLDS + 1)).astype(np.int64)]
         begins = np.arange(passes.start + WINDOW, passes.end - WINDOW, EVERY)
@@ -227,11 +227,13 @@ class Prediction:
         """Of effects that a fit has not, if they were there: how well withheld readings would tell of them."""
         state = fit.detail
         assert isinstance(state, Fitted)
-        if self._plain is None or self._plain[0] is not state:
-            self._plain = state, self._withheld([(self._passes.along(state.own, state.motion), self._windows)])
+        before = self._at_once.get(state)
+        if before is None:
+            before = self._withheld([(self._passes.along(state.own, state.motion), self._windows)])
+            self._at_once[state] = before
         after = self._withheld([(self._passes.along(state.own.joined(more), state.motion), self._windows)])
         sums = np.zeros((3, len(self._windows)))
-        for held, other in zip(self._plain[1], after, strict=True):
+        for held, other in zip(before, after, strict=True):
             _, mine, same = np.intersect1d(held.residual.row, other.residual.row, return_indices=True)
             d = held.residual.whitened[mine] - other.residual.whitened[same]
             sums += self._summed(held, mine, d, d, np.ones(len(d)))
