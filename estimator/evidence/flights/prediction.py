@@ -9,7 +9,7 @@ out); K.-Y. Liang, S. L. Zeger, Biometrika 73 (1986) 13 (the scatter of clusters
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -197,14 +197,9 @@ class Prediction:
 
     def share(self, fit: Fit, without: Fit) -> Share:
         """Of what a fit has and another has not."""
-        before, after = self._of(without), {one.residual.stream: one.residual for one in self._of(fit)}
         sums = np.zeros((3, len(self._windows)))
-        for held in before:
-            one, other = held.residual, after.get(held.residual.stream)
-            if other is None:
-                continue
-            _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
-            e, d = one.whitened[mine], one.whitened[mine] - other.whitened[same]
+        for held, mine, d in _changes(self._of(without), self._of(fit)):
+            one, e = held.residual, held.residual.whitened[mine]
             plain = np.sum(e**2, axis=1)
             nis = np.minimum(plain, np.sum((e - d) ** 2, axis=1))
             normal = held.normal[mine] + 0.5 * (plain - nis)
@@ -233,9 +228,7 @@ class Prediction:
             self._at_once[state] = before
         after = self._withheld([(self._passes.along(state.own.joined(more), state.motion), self._windows)])
         sums = np.zeros((3, len(self._windows)))
-        for held, other in zip(before, after, strict=True):
-            _, mine, same = np.intersect1d(held.residual.row, other.residual.row, return_indices=True)
-            d = held.residual.whitened[mine] - other.residual.whitened[same]
+        for held, mine, d in _changes(before, after):
             sums += self._summed(held, mine, d, d, np.ones(len(d)))
         return Share(*sums)
 
@@ -336,6 +329,20 @@ class Prediction:
         since, colours = stamp - begins[window], self._passes.flight.model.colour_of(name)
         found = _Withheld(residual, normal[order], whitening[order], state[order], window[order], since[order], colours)
         return [found]
+
+
+def _changes(
+    before: Sequence[_Withheld], after: Sequence[_Withheld]
+) -> Iterator[tuple[_Withheld, IntArray, FloatArray]]:
+    """Of each stream that two models predict: what the first has of it, which of its rows the second has too, and what
+    the second takes off the whitened errors of those.
+    """
+    others = {one.residual.stream: one.residual for one in after}
+    for held in before:
+        one, other = held.residual, others.get(held.residual.stream)
+        if other is not None:
+            _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
+            yield held, mine, one.whitened[mine] - other.whitened[same]
 
 
 def _sums(

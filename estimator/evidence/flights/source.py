@@ -265,18 +265,23 @@ class FlightSource(OfFlight):
 
     def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
         """The statistics of effects that are not in a fit, with what is detectable of them where the noise takes a part
-        of it up, or what the IMU's samples are decides how late a stream is; as they are where all of it is declared.
+        of it up, what the IMU's samples are decides how late a stream is, or withheld readings have to bear them out;
+        as they are where all of it is declared.
         """
         levels = self._open_levels() if self._open_levels is not None and statistics else None
-        if levels is None:
-            return self._as_seconds_tell(fit, self._as_late_as_samples(statistics))
+        if levels is not None:
+            statistics = self._as_noise_leaves(fit, statistics, levels)
+        return self._as_seconds_tell(fit, self._as_late_as_samples(statistics))
+
+    def _as_noise_leaves(self, fit: Fit, statistics: Sequence[Statistic], levels: OpenLevels) -> Sequence[Statistic]:
+        """With what the noise takes up of each besides."""
         effects = [Term(s.name).effect for s in statistics]
         sides = [[self._stds(fit, effects, flight) for flight in pair] for pair in levels.sides]
         found = []
         for k, s in enumerate(statistics):
             less, more = (np.array([pair[side][k] for pair in sides]) for side in (0, 1))
             found.append(replace(s, detectable_from=s.detectable_from * levels.wider(less, more)))
-        return self._as_seconds_tell(fit, self._as_late_as_samples(found))
+        return found
 
     def _as_late_as_samples(self, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
         """With no less than what is told nine times in ten for lateness of streams whose model has one that is not."""
@@ -308,7 +313,7 @@ class FlightSource(OfFlight):
                 try:
                     share = self._prediction.share_if_there(fit, Terms.of({term.effect: beta}))
                     s = replace(s, detectable_from=s.detectable_from * max(1.0, share.sigma / SURELY_TOLD))
-                except InputError:  # with so large an effect no state follows
+                except (InputError, np.linalg.LinAlgError):  # with so large an effect no state follows
                     pass
             found.append(s)
         return found
