@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sinan.calibration.levels.assumptions import assumptions_of
+from sinan.calibration.levels.beside_effects import Explained, beside_effects
 from sinan.calibration.levels.excerpts import EXCERPTS, SECONDS
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import with_slow_gps
@@ -68,7 +69,7 @@ def as_declared(recording: Recording, slow_gps: bool = False) -> Prepared:
     return Prepared(flight, levels, notes)
 
 
-def prepared(recording: Recording, late: bool = True) -> Prepared:
+def prepared(recording: Recording, late: bool = True, effects: Callable[[Flight], Explained] | None = None) -> Prepared:
     """A recording with the likeliest model of what it does not declare: sizes with priors, and states.
 
     Readings are coloured, their innovations have a heavy tail, stamps are late by what the log shows, a field that is
@@ -79,6 +80,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     ----------
     late : whether the lateness of stamps is part of the model; else it is only found, so that a trace can name it, but
         for what may be the instants of the IMU's own samples
+    effects : what they explain of a flight, if sizes are to be those beside effects; see `beside_effects`
 
     Raises
     ------
@@ -111,6 +113,9 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
         sizes = sizes_of(within, believed.compass)
     notes += [*believed.notes, *not_of_the_earth(within, believed.m_n), *headed.notes[len(recording.notes) :]]
     levels = with_upsets(headed, fitted(headed, believed))
+    if effects is not None:
+        flight = levels.flight(headed)
+        levels = beside_effects(levels, flight, effects(flight))
     if levels.in_excerpts:
         told = f"{EXCERPTS} excerpts of {SECONDS:g} s"
         notes.append(f"noise and lateness: sought in {told}, spread over the log, then from there in the whole")

@@ -322,13 +322,15 @@ def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> St
     )
 
 
-def sigma_of_wide(evidence: Evidence, name: str, given: Sequence[str] = ()) -> FloatArray:
-    """(size,) 1-sigma of each component of a candidate, the others free within what counts as seen: of two kinds of
-    noise comparable, where a direction is seen with one of them alone.
+def log_evidence_of_all(evidence: Evidence) -> float:
+    """Logarithm of the odds for all candidates at once against none, each N(0, plausible^2), whatever their sizes:
+
+    1/2 b' (Lambda + P^-1)^-1 b - 1/2 log |1 + P Lambda|
     """
-    information, _ = project_out(evidence, name, given)
-    widest = WIDEST_DIRECTION * evidence.plausible[evidence.columns(name)]
-    return np.sqrt(np.diag(np.linalg.inv(information.sum(axis=0) + np.diag(widest**-2.0))))
+    L = evidence.total_information * np.outer(evidence.plausible, evidence.plausible)
+    b = evidence.score.sum(axis=0) * evidence.plausible
+    A = np.eye(len(b)) + L
+    return 0.5 * float(b @ np.linalg.solve(A, b)) - 0.5 * float(np.linalg.slogdet(A)[1])
 
 
 def log_p_of_held(evidence: Evidence, s: Statistic, given: Sequence[str] = ()) -> float:

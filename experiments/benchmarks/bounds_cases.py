@@ -40,7 +40,7 @@ from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.bias_observability.study import study
 from sinan.experiments.gnss.simulated import load
 from sinan.experiments.gnss.simulated import simulate as ranges_of
-from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.experiments.residual_loop.open_flight import flight_source, source_of
 from sinan.experiments.residual_loop.remaining import remaining
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.scenarios import load_scenario, parse_effect
@@ -227,6 +227,12 @@ def _found(levels: Levels) -> Answer:
 def _sizes() -> Answer:
     """What is found of a figure of eight that declares no noise, in the logarithm."""
     return _found(fit_levels(_of_20_s(_bare(_recording("figure_eight")), "baro", "gps")))
+
+
+def _beside() -> Answer:
+    """The same of one with a compass whose GPS is late, beside what effects explain."""
+    late = _of_20_s(_bare(_recording("figure_eight", "gps.latency=0.15")), "mag", "gps")
+    return _found(prepared(late, effects=lambda flight: source_of(flight, late).explained_by_all).levels)
 
 
 def _long() -> Answer:
@@ -676,6 +682,7 @@ CASES: Mapping[str, Callable[[], Answer]] = {
     "levels": _levels,
     "brief": _brief,
     "sizes": _sizes,
+    "beside": _beside,
     "long": _long,
     "weak": _weak,
     "walk": _walk,

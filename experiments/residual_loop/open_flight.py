@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from sinan.estimator.evidence.flights.source import FlightSource
+from sinan.estimator.filter.flight import Flight
 from sinan.sensors.recording import Recording
 
 
@@ -20,16 +19,20 @@ def flight_source(recording: Recording, slow_gps: bool = True) -> FlightSource:
     ----------
     slow_gps : see `as_declared`
     """
-    from sinan.calibration.levels.openness import open_levels
     from sinan.calibration.levels.preparation import as_declared, is_declared, near_level_or_a_place, prepared
-    from sinan.estimator.filter.relinearise import is_coarse
 
     declared = is_declared(recording)
     if not declared:
-        ready = prepared(recording, late=False)
+        ready = prepared(recording, late=False, effects=lambda flight: source_of(flight, recording).explained_by_all)
     elif "gps" in recording.streams:
         ready = as_declared(recording, slow_gps)
     else:
         ready = near_level_or_a_place(recording)
-    flight = ready.flight.believing(relinearise=is_coarse(ready.flight))
-    return FlightSource(flight, None if declared else recording, partial(open_levels, ready.levels, flight))
+    return source_of(ready.flight, None if declared else recording)
+
+
+def source_of(flight: Flight, logged: Recording | None) -> FlightSource:
+    """The source of a flight whose levels are known; see `FlightSource`."""
+    from sinan.estimator.filter.relinearise import is_coarse
+
+    return FlightSource(flight.believing(relinearise=is_coarse(flight)), logged)

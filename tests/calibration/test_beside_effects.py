@@ -1,0 +1,142 @@
+"""Sizes of noise beside effects that nobody has named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from sinan.calibration.levels.beside_effects import Explained, beside_effects
+from sinan.calibration.levels.levels import Levels
+from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.calibration.levels.problem import Problem
+from sinan.estimator.evidence.score import Evidence, log_evidence_of_all, statistic_of
+from sinan.estimator.filter.flight import Flight
+from sinan.experiments.residual_loop.open_flight import source_of
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.simulate import simulate
+from tests.flights import scenario_at
+
+
+def test_the_odds_for_all_effects_are_those_of_two_normal_laws() -> None:
+    """Of readings that are noise alone, and of those whose covariance has what effects of plausible sizes add."""
+    rng = np.random.default_rng(3)
+    W, plausible = rng.standard_normal((40, 5)), np.array([0.1, 0.3, 1.0, 2.0, 5.0])
+    z = rng.standard_normal(40) + W @ (plausible * rng.standard_normal(5))
+    block = np.repeat(np.arange(4), 10)
+    information = np.stack([W[block == k].T @ W[block == k] for k in range(4)])
+    score = np.stack([W[block == k].T @ z[block == k] for k in range(4)])
+    evidence = Evidence(("a", "b"), (2, 3), information, score, plausible)
+    with_all = stats.multivariate_normal(cov=np.eye(40) + W @ np.diag(plausible**2) @ W.T).logpdf(z)
+    assert log_evidence_of_all(evidence) == pytest.approx(with_all - stats.norm.logpdf(z).sum())
+
+
+@cache
+def flown(drift: float) -> Recording:
+    """Forty seconds of a figure of eight that declares nothing, whose gyroscope drifts with its temperature."""
+    recording, _ = simulate(scenario_at(50.0, "figure_eight"), np.random.default_rng(8), {})
+    streams = {name: s.rows(s.t < s.t[0] + 40.0) for name, s in recording.streams.items()}
+    imu = streams["imu"]
+    temperature = 25.0 + 15.0 * np.sin(0.25 * imu.t)
+    columns = {**imu.columns, "temperature": temperature}
+    for axis, share in zip("xyz", (1.0, -0.7, 0.4), strict=True):
+        columns[f"gyro_{axis}"] = columns[f"gyro_{axis}"] + share * drift * (temperature - 25.0)
+    return recording.replace(streams={**streams, "imu": Stream(imu.t, columns)}, sensors={}, truth=None)
+
+
+#: Of the gyroscope [rad/s/K].
+DRIFT = 4e-4
+
+
+@cache
+def opened(drift: float) -> Prepared:
+    """With sizes as they are without effects."""
+    return prepared(flown(drift), late=False)
+
+
+@cache
+def beside(drift: float) -> Prepared:
+    """With sizes as they are beside effects."""
+    return prepared(flown(drift), late=False, effects=explained_of)
+
+
+def explained_of(flight: Flight) -> Explained:
+    """What all effects at once explain."""
+    return source_of(flight, flight.recording).explained_by_all
+
+
+def moved(drift: float) -> FloatArray:
+    """By how many of their sigmas sizes are moved by effects that are open."""
+    return in_sigmas(opened(drift).levels, beside(drift).levels)
+
+
+def in_sigmas(before: Levels, after: Levels) -> FloatArray:
+    """What sizes have changed by."""
+    sizes = [size for size in before.found if not size.linear]
+    sigmas = np.array([before.sigma_of[size.sensor, size.key] for size in sizes])
+    return np.array([np.log(after.value(s) / before.value(s)) for s in sizes]) / sigmas
+
+
+def test_without_an_effect_sizes_are_what_they_are() -> None:
+    """Many parameters explain of noise what the last term takes back."""
+    assert np.max(np.abs(moved(0.0))) < 0.5
+
+
+def test_noise_leaves_an_effect_to_itself() -> None:
+    """A gyroscope that drifts is told by a score half as large again; lateness stays as it was found."""
+    scores = []
+    for ready in (opened(DRIFT), beside(DRIFT)):
+        source = source_of(ready.flight, ready.recording)
+        scores.append(statistic_of(source.evidence(source.fit(())), "gyro.temperature").statistic)
+    assert scores[1] > 1.3 * scores[0] > 40.0
+    assert np.max(np.abs(moved(DRIFT))) > 1.0
+    assert beside(DRIFT).levels.latency == opened(DRIFT).levels.latency
+
+
+def test_both_terms_together_are_larger_there() -> None:
+    """By sources opened with either noise, not by passes of the first with that of the second; the first alone is
+    smaller.
+    """
+    before, after = opened(DRIFT), beside(DRIFT)
+    sizes = [size for size in before.levels.found if not size.linear]
+    values, explained = list[float](), list[float]()
+    for ready in (before, after):
+        problem = Problem(ready.recording, sizes, ready.levels)
+        values.append(problem.value(problem.theta(ready.levels)))
+        explained.append(explained_of(ready.flight)(ready.flight))
+    assert values[1] < values[0]
+    assert sum((values[1], explained[1])) > sum((values[0], explained[0])) + 2.0
+    assert explained_of(before.flight)(after.flight) == pytest.approx(explained[1], rel=0.05)
+
+
+def test_sizes_stay_where_effects_explain_the_same_whatever_they_are() -> None:
+    """But for what the search without effects had left."""
+    ready = opened(DRIFT)
+    found = beside_effects(ready.levels, ready.flight, lambda _: 7.0)
+    assert np.max(np.abs(in_sigmas(ready.levels, found))) < 0.15
+
+
+def test_what_is_declared_stays() -> None:
+    """Nothing is sought where no size is open."""
+    ready = opened(DRIFT)
+    declared = replace(ready.levels, found=(), covariance=None)
+    assert beside_effects(declared, ready.flight, explained_of(ready.flight)) is declared
+
+
+def test_where_no_model_follows_from_a_noise_it_is_not_taken() -> None:
+    """Effects that explain ever more as the gyroscope's noise falls, of which no model follows below a half of it."""
+    ready = opened(DRIFT)
+
+    def explained(flight: Flight) -> float:
+        share = flight.model.gyro.sigma / ready.model.gyro.sigma
+        if share < 0.5:
+            raise InputError("noise", f"{share}", "more")
+        return float(-10.0 * np.log(share))
+
+    found = beside_effects(ready.levels, ready.flight, explained).flight(ready.recording)
+    assert 0.5 <= found.model.gyro.sigma / ready.model.gyro.sigma < 0.9
