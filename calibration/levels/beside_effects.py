@@ -17,24 +17,31 @@ Neglects that effects are not linear, and intervals: steps at any time are a wal
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from sinan.calibration.levels.levels import Levels
-from sinan.calibration.levels.problem import SETTLED, Problem
+from sinan.calibration.levels.problem import Problem
 from sinan.estimator.filter.flight import Flight
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Recording
 
-#: Steps of the search, and trials of each, halved after one, at most: bound of work (`bounds_of_work beside`).
-_MOST_STEPS, _MOST_TRIALS = 2, 4
+#: Steps of the search at most, and what one gains at least: bound of work (`bounds_of_work beside`).
+_MOST_STEPS, _GAINED = 6, 0.05
+#: How far what effects explain is followed for its slope, in sigmas of the sizes: bound of work (`bounds_of_work
+#: beside`).
+_ON = 0.25
+
+#: Above what any log tells.
+_NONE_FOLLOWS = 1e12
 
 #: What all effects at once add to the log-likelihood of a flight, their sizes integrated over.
 Explained = Callable[[Flight], float]
 
 
-def beside_effects(levels: Levels, flight: Flight, explained: Explained) -> Levels:
+def beside_effects(levels: Levels, flight: Flight, effects: Callable[[Flight], Explained]) -> Levels:
     """The likeliest sizes of the noise of a flight with all effects open, near those found without any. Times stay as
     they are, and how well sizes are known is said as it was.
 
@@ -42,79 +49,64 @@ def beside_effects(levels: Levels, flight: Flight, explained: Explained) -> Leve
     ----------
     levels : found without effects
     flight : with these levels
-    explained : of the same readings, with the noise of another flight
-
-    Raises
-    ------
-    InputError : as `explained` does, of the flight as it is
+    effects : of a flight what they explain, of its readings with the noise of another one
     """
-    free = [k for k, size in enumerate(levels.found) if not size.linear]
-    if not free or levels.covariance is None:
+    sizes = [size for size in levels.found if not size.linear]
+    if not sizes or levels.covariance is None:
         return levels
-    search = _Search(levels, flight, free, explained)
-    best = search.first
-    for _ in range(_MOST_STEPS):
-        higher = search.uphill(best)
-        if higher is None:
-            break
-        best, gained = higher, higher.value - best.value
-        if gained < SETTLED:
-            break
-    found = search.problem.levels(best.theta)
-    return replace(found, found=levels.found, covariance=levels.covariance, log_posterior=levels.log_posterior)
-
-
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """Sizes, in spreads of their priors, the logarithm of their posterior without effects, and what all effects add."""
-
-    theta: FloatArray
-    alone: float
-    explained: float
-
-    @property
-    def value(self) -> float:
-        """Logarithm of the posterior with all effects open."""
-        return self.alone + self.explained
+    problem = Problem(flight.recording, sizes, levels)
+    theta = _Search(problem, flight.recording, effects(flight)).likeliest(problem.theta(levels))
+    return replace(problem.levels(theta), log_posterior=problem.value(theta, inside=True))
 
 
 class _Search:
-    """Newton's method along the axes of the scatter that sizes have without effects, with the exact slope of their
-    posterior and differences of one sigma to either side.
-    """
+    """Quasi-Newton in units in which the log tells all sizes alike and each by itself, as without effects."""
 
-    def __init__(self, levels: Levels, flight: Flight, free: list[int], explained: Explained) -> None:
-        sizes = [levels.found[k] for k in free]
-        self.problem, self._flight, self._explained = Problem(flight.recording, sizes, levels), flight, explained
-        self._least, self._most = np.array([size.bounds for size in sizes]).T
-        assert levels.covariance is not None
-        values, vectors = np.linalg.eigh(levels.covariance[np.ix_(free, free)])
-        self._axes = vectors.T * np.sqrt(np.maximum(values, 0.0))[:, None]
-        self.first = self._at(self.problem.theta(levels))
+    def __init__(self, problem: Problem, recording: Recording, explained: Explained) -> None:
+        self._problem, self._recording, self._explained = problem, recording, explained
+        self._low, self._high = np.array([size.bounds for size in problem.sizes]).T
+        self._best, self._highest = np.zeros(0), -np.inf
 
-    def _at(self, theta: FloatArray) -> _Point:
-        theta = np.clip(theta, self._least, self._most)
-        noisy = self.problem.levels(theta).flight(self._flight.recording)
-        return _Point(theta, self.problem.value(theta), self._explained(noisy))
+    def likeliest(self, theta: FloatArray) -> FloatArray:
+        """The sizes of the largest posterior with all effects open that were seen on the way from some."""
+        from scipy.optimize import LinearConstraint, minimize
 
-    def uphill(self, there: _Point) -> _Point | None:
-        """The point after a step, halved until it leads up; None: hardly more is to be gained.
+        unit = np.linalg.inv(np.linalg.cholesky(self._problem.information(theta, times=False))).T
+        self._best = theta
 
-        The step is Newton's, of no more than the slope along axes that are flat or bent upwards.
-        """
-        sides = [[self._beside(there, sign * axis) for sign in (-1.0, 1.0)] for axis in self._axes]
-        slope = self._axes @ self.problem.value_and_gradient(there.theta)[1]
-        slope += [0.5 * (more.explained - less.explained) for less, more in sides]
-        bend = np.array([less.value + more.value - 2.0 * there.value for less, more in sides])
-        move = slope / np.maximum(-bend, 1.0)
-        if 0.5 * float(slope @ move) < SETTLED:
-            return None
-        tried = (self._beside(there, 0.5**k * move @ self._axes) for k in range(_MOST_TRIALS))
-        return next((one for one in tried if one.value > there.value), None)
+        def negative(x: FloatArray) -> float:
+            return -self._value(unit @ x)
 
-    def _beside(self, there: _Point, move: FloatArray) -> _Point:
-        """The point after a move, no further than the sizes' bounds; itself where no model follows from that."""
+        def slope(x: FloatArray) -> FloatArray:
+            return -(
+                unit.T @ self._problem.value_and_gradient(self._inside(unit @ x))[1] + self._explains_more(x, unit)
+            )
+
+        inside = LinearConstraint(unit, self._low, self._high)
+        options = {"maxiter": _MOST_STEPS, "ftol": _GAINED}
+        start = np.linalg.solve(unit, theta)
+        minimize(negative, start, jac=slope, method="SLSQP", constraints=inside, options=options)
+        return self._best
+
+    def _inside(self, theta: FloatArray) -> FloatArray:
+        return np.asarray(np.clip(theta, self._low, self._high))
+
+    def _value(self, theta: FloatArray) -> float:
+        """Logarithm of the posterior with all effects open; of what cannot be, far below all."""
+        theta = self._inside(theta)
+        value = self._problem.value(theta) + self._explained_at(theta, -_NONE_FOLLOWS)
+        if value > self._highest:
+            self._best, self._highest = theta, value
+        return max(value, -_NONE_FOLLOWS)
+
+    def _explains_more(self, x: FloatArray, unit: FloatArray) -> FloatArray:
+        """What effects explain more, one sigma of each unit on; nothing where no model follows from that."""
+        here = self._explained_at(self._inside(unit @ x), 0.0)
+        on = (self._inside(unit @ (x + _ON * one)) for one in np.eye(len(x)))
+        return np.array([self._explained_at(theta, here) - here for theta in on]) / _ON
+
+    def _explained_at(self, theta: FloatArray, otherwise: float) -> float:
         try:
-            return self._at(there.theta + move)
+            return self._explained(self._problem.levels(theta).flight(self._recording))
         except (InputError, np.linalg.LinAlgError):
-            return there
+            return otherwise

@@ -114,8 +114,7 @@ def prepared(recording: Recording, late: bool = True, effects: Callable[[Flight]
     notes += [*believed.notes, *not_of_the_earth(within, believed.m_n), *headed.notes[len(recording.notes) :]]
     levels = with_upsets(headed, fitted(headed, believed))
     if effects is not None:
-        flight = levels.flight(headed)
-        levels = beside_effects(levels, flight, effects(flight))
+        levels = beside_effects(levels, levels.flight(headed), effects)
     if levels.in_excerpts:
         told = f"{EXCERPTS} excerpts of {SECONDS:g} s"
         notes.append(f"noise and lateness: sought in {told}, spread over the log, then from there in the whole")

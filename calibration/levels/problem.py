@@ -153,9 +153,9 @@ class Problem:
 
     def covariance(self, theta: FloatArray) -> FloatArray:
         """(sizes, sizes) of theta about its likeliest value; of the prior it is the identity."""
-        return np.asarray(np.linalg.inv(self._information(theta)))
+        return np.asarray(np.linalg.inv(self.information(theta)))
 
-    def _information(self, theta: FloatArray, times: bool = True) -> FloatArray:
+    def information(self, theta: FloatArray, times: bool = True) -> FloatArray:
         """(sizes, sizes) the information of log and prior.
 
         That of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc. Meas. 3(4),
@@ -186,7 +186,7 @@ class Problem:
         if not np.any(free):
             return theta, self.value(theta)
         low, high = np.array([size.bounds for size in self.sizes])[free].T
-        information = self._information(theta, times=False)[np.ix_(free, free)]
+        information = self.information(theta, times=False)[np.ix_(free, free)]
         unit = np.linalg.inv(np.linalg.cholesky(information)).T  # unit' information unit = 1
 
         def negative(x: FloatArray) -> tuple[float, FloatArray]:

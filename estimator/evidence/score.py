@@ -322,15 +322,28 @@ def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> St
     )
 
 
-def log_evidence_of_all(evidence: Evidence) -> float:
+def log_evidence_of_all(W: FloatArray, white: FloatArray, plausible: FloatArray) -> float:
     """Logarithm of the odds for all candidates at once against none, each N(0, plausible^2), whatever their sizes:
 
     1/2 b' (Lambda + P^-1)^-1 b - 1/2 log |1 + P Lambda|
+
+    Parameters
+    ----------
+    W, white : (rows, p), (rows,) sensitivities and whitened innovations
+    plausible : (p,)
     """
-    L = evidence.total_information * np.outer(evidence.plausible, evidence.plausible)
-    b = evidence.score.sum(axis=0) * evidence.plausible
-    A = np.eye(len(b)) + L
+    W = W * plausible
+    A, b = np.eye(W.shape[1]) + W.T @ W, W.T @ white
     return 0.5 * float(b @ np.linalg.solve(A, b)) - 0.5 * float(np.linalg.slogdet(A)[1])
+
+
+def sigma_of_wide(evidence: Evidence, name: str, given: Sequence[str] = ()) -> FloatArray:
+    """(size,) 1-sigma of each component of a candidate, the others free within what counts as seen: of two kinds of
+    noise comparable, where a direction is seen with one of them alone.
+    """
+    information, _ = project_out(evidence, name, given)
+    widest = WIDEST_DIRECTION * evidence.plausible[evidence.columns(name)]
+    return np.sqrt(np.diag(np.linalg.inv(information.sum(axis=0) + np.diag(widest**-2.0))))
 
 
 def log_p_of_held(evidence: Evidence, s: Statistic, given: Sequence[str] = ()) -> float:

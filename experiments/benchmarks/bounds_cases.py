@@ -230,9 +230,9 @@ def _sizes() -> Answer:
 
 
 def _beside() -> Answer:
-    """The same of one with a compass whose GPS is late, beside what effects explain."""
-    late = _of_20_s(_bare(_recording("figure_eight", "gps.latency=0.15")), "mag", "gps")
-    return _found(prepared(late, effects=lambda flight: source_of(flight, late).explained_by_all).levels)
+    """The same of one whose gyroscope reads 5 % too much, beside what effects explain."""
+    scaled = _of_20_s(_bare(_recording("figure_eight", "gyro.scale=0.05,0.05,0.05")), "mag", "gps")
+    return _found(prepared(scaled, effects=lambda flight: source_of(flight, scaled).explained_by_all).levels)
 
 
 def _long() -> Answer:

@@ -17,6 +17,7 @@ from sinan.estimator.evidence.comb import best_tooth, whole_moves
 from sinan.estimator.evidence.flights.candidates import best_starts, flight_candidates, places_alike
 from sinan.estimator.evidence.flights.known_columns import KnownColumns
 from sinan.estimator.evidence.flights.known_fits import KnownFits, Question
+from sinan.estimator.evidence.flights.open_levels import OpenLevels
 from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
 from sinan.estimator.evidence.flights.prediction import SURELY_TOLD, Prediction
 from sinan.estimator.evidence.intervals.doubted import doubted_in
@@ -38,6 +39,7 @@ from sinan.estimator.evidence.score import (
     Evidence,
     Statistic,
     log_evidence_of_all,
+    sigma_of_wide,
     statistic_of,
     sums_by_block,
     without_prior,
@@ -98,10 +100,16 @@ class FlightSource(OfFlight):
     logged : where the noise is found and not declared, all readings as they were logged: an effect is then proved by
         what it predicts of withheld readings, not by one-step residuals, and wrong readings are those far from their
         neighbours, not from the filter
+    open_levels : how far the sizes of the noise are open, found when a report asks; None: all are declared
     """
 
-    def __init__(self, flight: Flight, logged: Recording | None = None) -> None:
-        self._logged, self._opened = logged, flight
+    def __init__(
+        self,
+        flight: Flight,
+        logged: Recording | None = None,
+        open_levels: Callable[[], OpenLevels | None] | None = None,
+    ) -> None:
+        self._logged, self._opened, self._open_levels = logged, flight, open_levels
         kept, self.wrong = without_wrong_readings(flight.believing(gate_level=None))
         self._passes = FlightPasses(kept, IMPLAUSIBLE if logged is None else SOLD)
         self._known_columns = KnownColumns()
@@ -264,22 +272,31 @@ class FlightSource(OfFlight):
         ------
         InputError : no model follows from that noise
         """
-        state, passes = _state(self._plain), self._passes.believing(flight)
-        journal, sensitivity = passes.run(self._candidates, passes.along(state.own, state.motion))
-        W, white, event = passes.rows(sensitivity, journal, "all")
-        return log_evidence_of_all(self._evidence_in(self._candidates, self._plain, W, white, journal.t[event]))
-
-    @cached_property
-    def _plain(self) -> Fit:
-        """The fit of all data without effects."""
-        return self.fit(())
+        passes = self._passes.believing(flight)
+        journal, sensitivity = passes.run(self._candidates, passes.plain)
+        W, white, _ = passes.rows(sensitivity, journal, "all")
+        sizes = [entry.plausible_in(passes.plain_motion) for entry in self._candidates]
+        return log_evidence_of_all(W, white, np.concatenate([*sizes, np.zeros(0)]))
 
     def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
-        """The statistics of effects that are not in a fit, with what is detectable of them where what the IMU's samples
-        are decides how late a stream is, or withheld readings have to bear them out; as they are where all of it is
-        declared.
+        """The statistics of effects that are not in a fit, with what is detectable of them where the noise takes a part
+        of it up, what the IMU's samples are decides how late a stream is, or withheld readings have to bear them out;
+        as they are where all of it is declared.
         """
+        levels = self._open_levels() if self._open_levels is not None and statistics else None
+        if levels is not None:
+            statistics = self._as_noise_leaves(fit, statistics, levels)
         return self._as_seconds_tell(fit, self._as_late_as_samples(statistics))
+
+    def _as_noise_leaves(self, fit: Fit, statistics: Sequence[Statistic], levels: OpenLevels) -> Sequence[Statistic]:
+        """With what the noise takes up of each besides."""
+        effects = [Term(s.name).effect for s in statistics]
+        sides = [[self._stds(fit, effects, flight) for flight in pair] for pair in levels.sides]
+        found = []
+        for k, s in enumerate(statistics):
+            less, more = (np.array([pair[side][k] for pair in sides]) for side in (0, 1))
+            found.append(replace(s, detectable_from=s.detectable_from * levels.wider(less, more)))
+        return found
 
     def _as_late_as_samples(self, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
         """With no less than what is told nine times in ten for lateness of streams whose model has one that is not."""
@@ -315,6 +332,20 @@ class FlightSource(OfFlight):
                     pass
             found.append(s)
         return found
+
+    def _stds(self, fit: Fit, effects: Sequence[Effect], flight: Flight) -> list[FloatArray]:
+        """1-sigma of each of some effects that are not in the fit, with the noise of another flight; NaN where no model
+        follows from that.
+        """
+        state, passes = _state(fit), self._passes.believing(flight)
+        columns = [*state.own.effects, *effects]
+        try:
+            journal, sensitivity = passes.run(columns, passes.along(state.own, state.motion))
+            W, white, event = passes.rows(sensitivity, journal, fit.part)
+            evidence = self._evidence_in(columns, fit, W, white, journal.t[event])
+            return [sigma_of_wide(evidence, entry.name, fit.keys) for entry in effects]
+        except (InputError, np.linalg.LinAlgError):
+            return [np.full(entry.size, np.nan) for entry in effects]
 
     # ---- localised effects
 
