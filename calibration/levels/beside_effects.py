@@ -17,12 +17,11 @@ Neglects that effects are not linear, and intervals: steps at any time are a wal
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from sinan.calibration.levels.levels import Levels
-from sinan.calibration.levels.problem import Problem
+from sinan.calibration.levels.problem import SETTLING, Problem
 from sinan.estimator.filter.flight import Flight
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
@@ -30,11 +29,11 @@ from sinan.sensors.recording import Recording
 
 #: Steps of the search at most, and what one gains at least: bound of work (`bounds_of_work beside`).
 _MOST_STEPS, _GAINED = 6, 0.05
-#: How far what effects explain is followed for its slope, in sigmas of the sizes: bound of work (`bounds_of_work
-#: beside`).
+#: The part of a sigma of sizes over which what effects explain is followed for its slope: bound of work
+#: (`bounds_of_work beside`).
 _ON = 0.25
 
-#: Above what any log tells.
+#: What sizes from which no model follows are below the others by: more than any log tells of log L.
 _NONE_FOLLOWS = 1e12
 
 #: What all effects at once add to the log-likelihood of a flight, their sizes integrated over.
@@ -42,8 +41,10 @@ Explained = Callable[[Flight], float]
 
 
 def beside_effects(levels: Levels, flight: Flight, effects: Callable[[Flight], Explained]) -> Levels:
-    """The likeliest sizes of the noise of a flight with all effects open, near those found without any. Times stay as
-    they are, and how well sizes are known is said as it was.
+    """The likeliest sizes of the noise of a flight with all effects open, near those found without any; these, where no
+    model follows. Times stay as they are, and what is said of sizes besides (covariance, posterior) is as without.
+
+    Neglects that a motion found with other noise is another one: effects act along that of the first.
 
     Parameters
     ----------
@@ -55,8 +56,11 @@ def beside_effects(levels: Levels, flight: Flight, effects: Callable[[Flight], E
     if not sizes or levels.covariance is None:
         return levels
     problem = Problem(flight.recording, sizes, levels)
-    theta = _Search(problem, flight.recording, effects(flight)).likeliest(problem.theta(levels))
-    return replace(problem.levels(theta), log_posterior=problem.value(theta, inside=True))
+    try:
+        search = _Search(problem, flight.recording, effects(flight))
+        return problem.levels(search.likeliest(problem.theta(levels), SETTLING if levels.in_excerpts else _MOST_STEPS))
+    except (InputError, np.linalg.LinAlgError):
+        return levels
 
 
 class _Search:
@@ -67,23 +71,27 @@ class _Search:
         self._low, self._high = np.array([size.bounds for size in problem.sizes]).T
         self._best, self._highest = np.zeros(0), -np.inf
 
-    def likeliest(self, theta: FloatArray) -> FloatArray:
-        """The sizes of the largest posterior with all effects open that were seen on the way from some."""
+    def likeliest(self, theta: FloatArray, steps: int) -> FloatArray:
+        """The sizes of the largest posterior with all effects open that were seen on the way from some.
+
+        Raises
+        ------
+        InputError, LinAlgError : no model follows from where a step ends, or the log tells sizes by no number
+        """
         from scipy.optimize import LinearConstraint, minimize
 
         unit = np.linalg.inv(np.linalg.cholesky(self._problem.information(theta, times=False))).T
         self._best = theta
 
         def negative(x: FloatArray) -> float:
-            return -self._value(unit @ x)
+            return -self._value(self._inside(unit @ x))
 
         def slope(x: FloatArray) -> FloatArray:
-            return -(
-                unit.T @ self._problem.value_and_gradient(self._inside(unit @ x))[1] + self._explains_more(x, unit)
-            )
+            here = self._inside(unit @ x)
+            return -(unit.T @ self._problem.value_and_gradient(here)[1]) - self._explains_more(here, unit)
 
         inside = LinearConstraint(unit, self._low, self._high)
-        options = {"maxiter": _MOST_STEPS, "ftol": _GAINED}
+        options = {"maxiter": steps, "ftol": _GAINED}
         start = np.linalg.solve(unit, theta)
         minimize(negative, start, jac=slope, method="SLSQP", constraints=inside, options=options)
         return self._best
@@ -93,17 +101,16 @@ class _Search:
 
     def _value(self, theta: FloatArray) -> float:
         """Logarithm of the posterior with all effects open; of what cannot be, far below all."""
-        theta = self._inside(theta)
         value = self._problem.value(theta) + self._explained_at(theta, -_NONE_FOLLOWS)
         if value > self._highest:
             self._best, self._highest = theta, value
         return max(value, -_NONE_FOLLOWS)
 
-    def _explains_more(self, x: FloatArray, unit: FloatArray) -> FloatArray:
-        """What effects explain more, one sigma of each unit on; nothing where no model follows from that."""
-        here = self._explained_at(self._inside(unit @ x), 0.0)
-        on = (self._inside(unit @ (x + _ON * one)) for one in np.eye(len(x)))
-        return np.array([self._explained_at(theta, here) - here for theta in on]) / _ON
+    def _explains_more(self, here: FloatArray, unit: FloatArray) -> FloatArray:
+        """What effects explain more a unit on, by a part of it, also beyond a bound; nothing where no model follows."""
+        now = self._explained_at(here, np.nan)
+        more = np.array([self._explained_at(here + _ON * one, np.nan) - now for one in unit.T]) / _ON
+        return np.nan_to_num(more)
 
     def _explained_at(self, theta: FloatArray, otherwise: float) -> float:
         try:

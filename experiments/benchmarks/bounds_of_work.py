@@ -93,7 +93,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         _LEVELS + "problem": ("MOST", "GAINED", "SETTLED", "PARTS", "HALVED", "ROUNDS"),
         _EVIDENCE + "comb": ("FIRST_MOVE",),
     },
-    "beside": {_LEVELS + "beside_effects": ("_MOST_STEPS", "_MOST_TRIALS")},
+    "beside": {_LEVELS + "beside_effects": ("_MOST_STEPS", "_GAINED", "_ON")},
     "long": {_LEVELS + "problem": ("SETTLING",)},
     "slow": {_LEVELS + "fit": ("TRIED",)},
     "shock": {_LEVELS + "upsets": ("IN_A_ROW",)},

@@ -162,3 +162,26 @@ def test_where_no_model_follows_from_a_noise_it_is_not_taken() -> None:
 
     found = beside_effects(ready.levels, ready.flight, lambda _: explained).flight(ready.recording)
     assert 0.5 <= found.model.gyro.sigma / ready.model.gyro.sigma < 0.9
+
+
+def test_a_size_at_its_bound_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the noise without effects is as large as may be, and effects explain more with less of it."""
+    ready = opened(DRIFT)
+    size = next(s for s in ready.levels.found if (s.sensor, s.key) == ("gyro", "noise_density"))
+    loud = ready.levels.with_size(size, size.at(size.bounds[1]))
+
+    def explained(flight: Flight) -> float:
+        return float(-100.0 * np.log(flight.model.gyro.sigma / ready.model.gyro.sigma))
+
+    monkeypatch.setattr(Problem, "value", lambda *_: 0.0)
+    monkeypatch.setattr(Problem, "value_and_gradient", lambda _, theta: (0.0, np.zeros(len(theta))))
+    found = beside_effects(loud, loud.flight(ready.recording), lambda _: explained)
+    assert found.value(size) < 0.5 * loud.value(size)
+
+
+@pytest.mark.parametrize("error", [InputError("noise", "none", "some"), np.linalg.LinAlgError()])
+def test_where_no_model_follows_sizes_stay(error: Exception) -> None:
+    def none(_: Flight) -> Explained:
+        raise error
+
+    assert beside_effects(opened(DRIFT).levels, opened(DRIFT).flight, none) is opened(DRIFT).levels

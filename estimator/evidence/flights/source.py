@@ -270,13 +270,16 @@ class FlightSource(OfFlight):
 
         Raises
         ------
-        InputError : no model follows from that noise
+        InputError : no model, or no number, follows from that noise
         """
         passes = self._passes.believing(flight)
         journal, sensitivity = passes.run(self._candidates, passes.plain)
         W, white, _ = passes.rows(sensitivity, journal, "all")
         sizes = [entry.plausible_in(passes.plain_motion) for entry in self._candidates]
-        return log_evidence_of_all(W, white, np.concatenate([*sizes, np.zeros(0)]))
+        found = log_evidence_of_all(W, white, np.concatenate([*sizes, np.zeros(0)]))
+        if not np.isfinite(found):
+            raise InputError(flight.recording.where, "noise with which the filter's numbers overflow", "less of it")
+        return found
 
     def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
         """The statistics of effects that are not in a fit, with what is detectable of them where the noise takes a part
