@@ -33,9 +33,6 @@ _MOST_STEPS, _GAINED = 6, 0.05
 #: (`bounds_of_work beside`).
 _ON = 0.25
 
-#: What sizes from which no model follows are below the others by: more than any log tells of log L.
-_NONE_FOLLOWS = 1e12
-
 #: What all effects at once add to the log-likelihood of a flight, their sizes integrated over.
 Explained = Callable[[Flight], float]
 
@@ -101,10 +98,10 @@ class _Search:
 
     def _value(self, theta: FloatArray) -> float:
         """Logarithm of the posterior with all effects open; of what cannot be, far below all."""
-        value = self._problem.value(theta) + self._explained_at(theta, -_NONE_FOLLOWS)
+        value = self._problem.value(theta) + self._explained_at(theta, -np.inf)
         if value > self._highest:
             self._best, self._highest = theta, value
-        return max(value, -_NONE_FOLLOWS)
+        return max(value, -1e12)
 
     def _explains_more(self, here: FloatArray, unit: FloatArray) -> FloatArray:
         """What effects explain more a unit on, by a part of it, also beyond a bound; nothing where no model follows."""
