@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sinan.calibration.levels.levels import Levels
-from sinan.calibration.levels.problem import SETTLING, Problem
+from sinan.calibration.levels.problem import SETTLING, Problem, units_of
 from sinan.estimator.filter.flight import Flight
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
@@ -77,7 +77,7 @@ class _Search:
         """
         from scipy.optimize import LinearConstraint, minimize
 
-        unit = np.linalg.inv(np.linalg.cholesky(self._problem.information(theta, times=False))).T
+        unit = units_of(self._problem.information(theta, times=False))
         self._best = theta
 
         def negative(x: FloatArray) -> float:

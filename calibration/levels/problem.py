@@ -186,8 +186,7 @@ class Problem:
         if not np.any(free):
             return theta, self.value(theta)
         low, high = np.array([size.bounds for size in self.sizes])[free].T
-        information = self.information(theta, times=False)[np.ix_(free, free)]
-        unit = np.linalg.inv(np.linalg.cholesky(information)).T  # unit' information unit = 1
+        unit = units_of(self.information(theta, times=False)[np.ix_(free, free)])
 
         def negative(x: FloatArray) -> tuple[float, FloatArray]:
             nonlocal best, highest
@@ -265,6 +264,11 @@ class _InExcerpts(Problem):
     def _counted_again(self, theta: FloatArray) -> float:
         """What takes the prior back that every excerpt has counted, but once."""
         return 0.5 * (len(self._each) - 1) * float(theta @ theta)
+
+
+def units_of(information: FloatArray) -> FloatArray:
+    """(sizes, sizes) columns in which all that is told is told alike and by itself: unit' information unit = 1."""
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(information)).T)
 
 
 def densities(inputs: RunInputs, scores: LevelScores) -> FloatArray:

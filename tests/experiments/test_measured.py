@@ -23,7 +23,7 @@ from sinan.experiments.reference import (
     mounted,
     without_jumps,
 )
-from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.experiments.residual_loop.open_flight import flight_source, source_of
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.recording import GYRO, Environment, Initial, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import (
@@ -76,11 +76,15 @@ def test_estimate_and_trace_prepare_a_bare_log_alike(handheld: tuple[Recording, 
     said = [note for note in ready.recording.notes if late == 0.0 or "ms late" not in note]
     for own, of_trace in zip(said, source.recording.notes, strict=True):  # sizes may be others in the last digit
         assert re.sub(r"[\d.e-]+", "", of_trace) == re.sub(r"[\d.e-]+", "", own)
+    beside = prepared(recording, effects=lambda flight: source_of(flight, recording).explained_by_all)
+    assert list(source.recording.notes) == [n for n in beside.recording.notes if late == 0.0 or "ms late" not in n]
     assert len(said) == len(ready.recording.notes) - (late > 0.0)
     assert ready.model.latency["mag"] == pytest.approx(late, abs=0.004)
     on_time = ready.model if late == 0.0 else ready.model.replace(latency={})
     for own, of_trace in zip(vars_of(on_time), vars_of(source.model), strict=True):
         np.testing.assert_allclose(of_trace, own, rtol=0.2, atol=1e-9)
+    alike = beside.model if late == 0.0 else beside.model.replace(latency={})
+    assert all(np.array_equal(a, b) for a, b in zip(vars_of(alike), vars_of(source.model), strict=True))
     assert [note.split(":")[0] for note in ready.notes][:2] == ["mag", "mag"]
 
 
