@@ -351,8 +351,11 @@ class FlightPasses:
 
     def prior(self, effects: Sequence[Effect]) -> FloatArray:
         """(p,) information on each parameter before any reading, so that what no reading sees stays zero."""
-        sizes = [entry.plausible_in(self.plain_motion) for entry in effects]
-        return np.asarray((self.prior_sigma * np.concatenate([*sizes, np.zeros(0)])) ** -2.0)
+        return np.asarray((self.prior_sigma * self.plausible(effects)) ** -2.0)
+
+    def plausible(self, effects: Sequence[Effect]) -> FloatArray:
+        """(p,) plausible 1-sigma size of each parameter."""
+        return np.concatenate([*(entry.plausible_in(self.plain_motion) for entry in effects), np.zeros(0)])
 
     def _step(self, information: FloatArray, score: FloatArray, prior: FloatArray) -> FloatArray:
         """Newton's step, limited to `_LONGEST_STEP` plausible sizes."""

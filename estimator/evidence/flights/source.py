@@ -237,13 +237,12 @@ class FlightSource(OfFlight):
         share = (t - self._passes.start) / (self._passes.end - self._passes.start)
         block = np.minimum((BLOCKS * share).astype(int), BLOCKS - 1)
         information, score = sums_by_block(W, white, block)
-        plausible = [entry.plausible_in(self._passes.plain_motion) for entry in columns]
         return Evidence(
             (*fit.keys, *(entry.name for entry in columns[len(own) :])),
             tuple(entry.size for entry in columns),
             information,
             score,
-            np.concatenate(plausible) if plausible else np.zeros(0),
+            self._passes.plausible(columns),
             prior_sigma=self._passes.prior_sigma,
         )
 
@@ -275,8 +274,7 @@ class FlightSource(OfFlight):
         passes = self._passes.believing(flight)
         journal, sensitivity = passes.run(self._candidates, passes.plain)
         W, white, _ = passes.rows(sensitivity, journal, "all")
-        sizes = [entry.plausible_in(passes.plain_motion) for entry in self._candidates]
-        found = log_evidence_of_all(W, white, np.concatenate([*sizes, np.zeros(0)]))
+        found = log_evidence_of_all(W, white, passes.plausible(self._candidates))
         if not np.isfinite(found):
             raise InputError(flight.recording.where, "noise with which the filter's numbers overflow", "less of it")
         return found
