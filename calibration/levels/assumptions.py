@@ -128,6 +128,8 @@ def _words(recording: Recording, size: Size) -> tuple[str, str, str]:
     """Subject, quantity and unit of a size."""
     if size.sensor == "in_step":
         return IN_STEP[size.key]
+    if size.sensor == "low_pass":
+        return size.key, "time constant of the low pass of its samples", "s"
     if size.sensor in STAMPS:
         return size.key, STAMPS[size.sensor], "s"
     quantity, per = QUANTITIES[size.key]

@@ -13,7 +13,7 @@ from sinan.calibration.levels.sizes import OF_NO_SENSOR, STAMP_STD, Size
 from sinan.calibration.levels.zero_rate import zero_rate_of
 from sinan.estimator.filter.events import SAID_OF
 from sinan.estimator.filter.flight import Flight
-from sinan.estimator.filter.flight_model import InStep, Stray, Upset
+from sinan.estimator.filter.flight_model import InStep, LowPass, Stray, Upset
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.recording import NO_HEIGHT, Recording, SensorSpec
@@ -48,6 +48,7 @@ class Levels:
     ----------
     specs : by sensor, complete
     in_step : noise of the IMU that goes with the motion
+    low_pass : of its samples
     bounds : of the motion, where no position is measured
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
     iron : (3,) hard iron from which the magnetometer's bias starts; None: zero
@@ -64,6 +65,7 @@ class Levels:
 
     specs: Mapping[str, SensorSpec]
     in_step: InStep
+    low_pass: LowPass
     bounds: Bounds | None
     m_n: FloatArray | None
     field: FloatArray | None
@@ -107,17 +109,19 @@ class Levels:
     def flight(self, recording: Recording) -> Flight:
         """A recording with the model that these sizes make."""
         return Flight.of(
-            recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
-            field=self.field, iron=self.iron, tail=self.tail, stray=self.stray, stamp_std=self.stamp_std,
-            rounding=self.rounding, said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency,
-            lead=self.lead, zero_rate=self.zero_rate, axes_std=self.axes_std, turned_std=self.turned_std,
-            own_north=self.own_north,
+            recording, specs=self.specs, in_step=self.in_step, low_pass=self.low_pass, bounds=self.bounds,
+            magnetic_field=self.m_n, field=self.field, iron=self.iron, tail=self.tail, stray=self.stray,
+            stamp_std=self.stamp_std, rounding=self.rounding, said=self.said, upsets=self.upsets, gate_level=None,
+            latency=self.latency, lead=self.lead, zero_rate=self.zero_rate, axes_std=self.axes_std,
+            turned_std=self.turned_std, own_north=self.own_north,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:
         """With another value of one size; the position's lateness after that of the velocity."""
         if size.sensor == "in_step":
             return replace(self, in_step=replace(self.in_step, **{size.key: value}))
+        if size.sensor == "low_pass":
+            return replace(self, low_pass=replace(self.low_pass, **{size.key: max(value, 0.0)}))
         if size.sensor == "stamps":
             return replace(self, stamp_std=value)
         if size.is_of_position:
@@ -138,7 +142,8 @@ class Levels:
             return self.latency.get("gps", 0.0) - self.lead
         if size.sensor == "latency":
             return self.latency[size.key]
-        holder = {"in_step": self.in_step, "bounds": self.bounds}.get(size.sensor) or self.specs[size.sensor]
+        held = {"in_step": self.in_step, "low_pass": self.low_pass, "bounds": self.bounds}
+        holder = held.get(size.sensor) or self.specs[size.sensor]
         return float(getattr(holder, size.key))
 
 
@@ -168,7 +173,7 @@ def first_levels(
     still = zero_rate_of(recording) if is_open else None
     stray = stray_answers(recording, undeclared) | ({} if still is None else {still[0].name: still[1]})
     levels = Levels(
-        specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
+        specs, InStep(), LowPass(), None if "gps" in recording.streams else bounds, m_n, field,
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
         {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
         _said_of_most(recording, sizes), stray=stray, zero_rate=None if still is None else still[0],

@@ -31,7 +31,7 @@ AS_IT_COMES = 300.0 / 490.0
 #: 2^-53 = 1e-16.
 NO_NOISE = 1e-15
 #: Sizes that are no key of a sensor's specs.
-OF_NO_SENSOR = frozenset({"bounds", "in_step", "latency", "stamps"})
+OF_NO_SENSOR = frozenset({"bounds", "in_step", "latency", "low_pass", "stamps"})
 #: Lateness of a compass, median and spread [s]: autopilots' filters take 0 (PX4's `EKF2_MAG_DELAY`, which may be 0.3)
 #: and 0.06 (ArduPilot's `magDelay_ms`), one spread on either side.
 LATE_COMPASS = 0.03, 0.03
@@ -42,6 +42,12 @@ OF_THE_MOTION = 0.05
 #: Median of the white noise that goes with the rate of turn [sqrt(s)], for what scale and axes leave, such as lateness:
 #: a choice, half and twice of which move a size by 0.7 and 0.6 sigma (`bounds_of_work sizes`).
 TURNING = 0.002
+#: What a driver lets through to a log [Hz]: ArduPilot filters accelerometer and gyroscope at 20 (INS_ACCEL_FILTER,
+#: INS_GYRO_FILTER, AP_InertialSensor.cpp). A log of less than twice that has faster vibration in its samples (Nyquist).
+LET_THROUGH = 20.0
+#: Time constant with which such samples are averaged, spread [s]: a choice, the time in which a vehicle changes its
+#: force.
+PASSED_IN = 1.0
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,7 @@ class Size:
     @property
     def bounds(self) -> tuple[float, float]:
         """Of theta; also of a lateness: what is later is an effect that a trace names."""
-        return -4.0, 4.0
+        return (0.0 if self.sensor == "low_pass" else -4.0), 4.0
 
 
 #: Lateness of a receiver's fixes, of their velocity where they have one, and of their position beside it: median and
@@ -121,6 +127,7 @@ def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
     sizes: list[Size] = []
     unaided = 0.0 if "gps" in streams else 1.0
     of_motion = unaided * OF_THE_MOTION
+    is_slow = 1.0 / streams["imu"].step < 2.0 * LET_THROUGH
     for name, columns, other, bias, walk in (
         ("accel", ACCEL, of_motion, 0.05, 1e-3),
         ("gyro", GYRO, 0.0, 0.01, 3e-5),
@@ -129,10 +136,12 @@ def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
         sizes += [
             Size(name, "noise_density", density, 1.0),
             Size(name, "bias_std", bias, 0.7),
-            Size(name, "bias_walk", walk, 1.0),
+            _walk_of(name, walk, density if is_slow and not unaided else walk),
             Size("in_step", name, 1.0 / 6.0, 0.7),
         ]
     sizes.append(Size("in_step", "rate", TURNING, 0.7))
+    if is_slow:
+        sizes += [Size("low_pass", name, 0.0, PASSED_IN, linear=True) for name in ("accel", "gyro")]
     if "mag" in streams:
         norm = iron.norm(recording)
         sizes += [
@@ -170,6 +179,18 @@ def slow_error_of_gps(recording: Recording) -> list[Size]:
     return sizes
 
 
+def _walk_of(name: str, walk: float, vibration: float) -> Size:
+    """The random walk of a bias of the IMU, between that of its class and what vibration makes of it that looks slow,
+    each two spreads from the median.
+
+    Parameters
+    ----------
+    walk, vibration : that of the class, and as much in a second as the mean of white samples is off by then
+    """
+    most = max(vibration, walk)
+    return Size(name, "bias_walk", float(np.sqrt(walk * most)), max(1.0, 0.25 * float(np.log(most / walk))))
+
+
 def _white(recording: Recording, name: str, key: str = "noise_std") -> float:
     """White noise of one reading of a sensor, from the readings alone.
 
@@ -193,7 +214,7 @@ def _declared(recording: Recording, size: Size) -> bool:
         return recording.spec("gyro" if size.key == "rate" else size.key).says_noise
     if size.sensor == "bounds":
         return False
-    if size.sensor == "stamps":
+    if size.sensor in ("low_pass", "stamps"):
         return recording.spec(size.key).says_noise
     if size.sensor == "latency":
         if size.is_of_position:
@@ -217,4 +238,4 @@ def is_told_without_position(size: Size) -> bool:
     too good; a time is told by the motion itself, and a height sensor's noise by the sensor. A compass's colour by the
     log is smaller and slower than its prior, and what varies in a room is then named (docs/notes/ablation.md).
     """
-    return size.sensor in ("latency", *height_sensors()) or (size.sensor, size.key) == ("mag", "bias_std")
+    return size.sensor in ("latency", "low_pass", *height_sensors()) or (size.sensor, size.key) == ("mag", "bias_std")

@@ -49,6 +49,7 @@ from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, outputs_for, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import CAPACITY
+from sinan.estimator.filter.low_pass import low_passed
 from sinan.sensors.arrays import FloatArray, IntArray, zero_unless_finite
 from sinan.sensors.effects import Effect, effect
 from sinan.sensors.errors import InputError
@@ -312,6 +313,7 @@ def driver_regressors(along: Along, stream: str, effects: Sequence[Effect]) -> F
         beta = along.terms.beta(entry)
         parts.append(entry.slope(plain, beta, motion) if np.any(beta) else entry.rows(motion, 3))
     G = np.concatenate(parts, axis=2)
+    G = low_passed(motion.t, G, stream, along.model, along.recording.breaks)
     name, step = ("f_b", 1e-3) if stream == "accel" else ("w_ib_b", 1e-5)
     present = [(e, b) for e, b in along.terms.of_stream(stream) if e.exact is not None or name in e.needs]
     if not present:

@@ -26,6 +26,7 @@ from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DP, DTHETA, DV, PV
+from sinan.estimator.filter.low_pass import low_passed
 from sinan.estimator.filter.smoother import estimated_motion, smooth, with_imu
 from sinan.estimator.filter.wiener import signal_part, without_vibration
 from sinan.sensors.arrays import FloatArray, IntArray, zero_unless_finite
@@ -208,7 +209,7 @@ def reference_motion(recording: Recording, journal: Journal, terms: Terms, table
         return motion
     as_read, corrections = np.hstack([motion.f_b, motion.w_ib_b]), np.zeros_like(table.u)
     for _ in range(INVERSION_ROUNDS - 1):
-        better = imu_corrections(recording, terms, motion)
+        better = imu_corrections(journal.run.flight, terms, motion)
         settled = np.max(np.abs(better - corrections), initial=0.0) < INVERTED
         corrections = better
         if settled:
@@ -217,13 +218,14 @@ def reference_motion(recording: Recording, journal: Journal, terms: Terms, table
     return motion
 
 
-def imu_corrections(recording: Recording, terms: Terms, motion: Motion) -> FloatArray:
-    """(N, 6) what the effects put into accelerometer and gyroscope along the motion."""
-    parts = []
+def imu_corrections(flight: Flight, terms: Terms, motion: Motion) -> FloatArray:
+    """(N, 6) what the effects put into accelerometer and gyroscope along the motion, as the low pass leaves it."""
+    recording, parts = flight.recording, []
     for stream, plain in (("accel", motion.f_b), ("gyro", motion.w_ib_b)):
         pairs = terms.of_stream(stream)
         along = with_covariates(recording, stream, motion) if pairs else motion
-        parts.append(sum((e.change(plain, b, along) for e, b in pairs), np.zeros_like(plain)))
+        added = sum((e.change(plain, b, along) for e, b in pairs), np.zeros_like(plain))
+        parts.append(low_passed(motion.t, added, stream, flight.model, recording.breaks) if pairs else added)
     return np.concatenate(parts, axis=1)
 
 
@@ -284,7 +286,7 @@ class Along(OfFlight):
     @cached_property
     def corrected(self) -> ImuTable:
         """Of the IMU without the effects."""
-        return replace(self.table, u=self.table.u - imu_corrections(self.recording, self.terms, self.motion))
+        return replace(self.table, u=self.table.u - imu_corrections(self.flight, self.terms, self.motion))
 
     @cached_property
     def added(self) -> Mapping[str, StreamForm]:

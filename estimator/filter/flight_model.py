@@ -65,6 +65,20 @@ class InStep:
 
 
 @dataclass(frozen=True)
+class LowPass:
+    """Time constants of a low pass without delay for the samples of an IMU that shakes faster than it is logged; see
+    `estimator.filter.low_pass`.
+
+    Attributes
+    ----------
+    accel, gyro : s; 0: not at all
+    """
+
+    accel: float = 0.0
+    gyro: float = 0.0
+
+
+@dataclass(frozen=True)
 class Upset:
     """An instant at which the motion is open again.
 
@@ -113,6 +127,7 @@ class FlightModel:
     robust_level : readings whose NIS has a smaller tail probability are given more noise, not refused; None: off
     colour : by sensor, first-order noise besides the white noise: first component of the reading, and the process
     in_step : noise of the IMU that goes with the motion
+    low_pass : of the samples of an IMU that shakes faster than it is logged
     field : (3, 3) covariance of the error of the magnetic field m_n, a constant in NED; None: the field is known
     iron : (3,) hard iron from which the magnetometer's bias starts; None: from zero
     own_north : whether north is that of the first heading, since nothing but the compass tells a direction
@@ -145,6 +160,7 @@ class FlightModel:
     robust_level: float | None = None
     colour: Mapping[str, tuple[tuple[int, BiasProcess], ...]] = default(default_factory=dict)
     in_step: InStep = InStep()
+    low_pass: LowPass = LowPass()
     field: FloatArray | None = None
     iron: FloatArray | None = None
     own_north: bool = False
@@ -270,6 +286,7 @@ class Beliefs(TypedDict, total=False):
     gate_level: float | None
     robust_level: float | None
     in_step: InStep
+    low_pass: LowPass
     iron: FloatArray | None
     own_north: bool
     stamp_std: float
@@ -312,8 +329,8 @@ def flight_model(
     axes_std : 1-sigma of what the gyroscope's scale and axes err by, see `Gyroscope`
     turned_std : 1-sigma of the turn of the compass's axes [rad], see `Magnetometer`
     lead : how much later than its velocity the position of a fix is [s], see `Gps`
-    beliefs : latency, gate_level, robust_level, in_step, iron, own_north, stamp_std, rounding, said, upsets, tail,
-        stray, relinearise: see `FlightModel`
+    beliefs : latency, gate_level, robust_level, in_step, low_pass, iron, own_north, stamp_std, rounding, said, upsets,
+        tail, stray, relinearise: see `FlightModel`
 
     Raises
     ------

@@ -23,6 +23,7 @@ import numpy as np
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs, stuck_runs
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, InStep, Upset
+from sinan.estimator.filter.low_pass import low_passed_imu
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, integral, runs_of
 from sinan.sensors.recording import ACCEL, GYRO, Stream
 
@@ -127,7 +128,8 @@ def imu_table(flight: Flight, samples: ImuSamples | None = None) -> ImuTable:
     """
     nominal = 1.0 / flight.model.rate
     samples = ImuSamples.of(flight.recording.streams["imu"]) if samples is None else samples
-    t, u, notes = samples.t, samples.u, list(samples.notes)
+    t, notes = samples.t, list(samples.notes)
+    u = low_passed_imu(t, samples.u, flight.model, flight.recording.breaks)
     h = np.diff(t)
     unseen = {int(k): unseen_motion(t, u, float(h[k]), nominal) for k in np.flatnonzero(h > GAP * nominal)}
     ends = [k for k, (_, turn) in unseen.items() if t[k + 1] in flight.recording.breaks or turn > UNBRIDGED**2]
