@@ -277,17 +277,26 @@ def _in_ms(time: float, sigma: float | None) -> str:
     return f"{abs(1e3 * time):.{digits}f} ± {1e3 * sigma:.{digits}f} ms"
 
 
+def _low_pass_notes(levels: Levels) -> list[str]:
+    """One line for each instrument that shakes faster than it is logged."""
+    lines = []
+    for size in levels.found:
+        if size.sensor != "low_pass":
+            continue
+        time, sigma = levels.value(size), levels.sigma_of["low_pass", size.key]
+        if time > _TOLD * sigma:
+            most = ", the longest that is sought" if time > 0.99 * size.at(size.bounds[1]) else ""
+            lines.append(f"{size.key}: low pass of {_in_ms(time, sigma)}{most}: it shakes faster than it is logged")
+    return lines
+
+
 def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
     """One line a sensor: the sizes that were found or taken from the class of instrument; times from `zero` [s] on."""
     lines = []
     for sensor in dict.fromkeys(size.sensor for size in levels.found if size.sensor not in OF_NO_SENSOR):
         parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
         lines.append(f"{sensor}: {', '.join(parts)}: the likeliest, near those of its class")
-    for size in (one for one in levels.found if one.sensor == "low_pass"):
-        time, sigma = levels.value(size), levels.sigma_of["low_pass", size.key]
-        if time > _TOLD * sigma:
-            most = ", the longest that is sought" if time > 0.99 * size.at(size.bounds[1]) else ""
-            lines.append(f"{size.key}: low pass of {time:.2g} ± {sigma:.1g} s{most}: it shakes faster than it is logged")
+    lines += _low_pass_notes(levels)
     sought = {size.key: size for size in levels.found if size.sensor == "latency"}
     sigmas = {key: sigma for (sensor, key), sigma in levels.sigma_of.items() if sensor == "latency"}
     for sensor, late in levels.latency.items():
