@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from sinan.estimator.filter.effect_forms import Along, declared_terms, reference_motion, run_with_effects
+import numpy as np
+
+from sinan.estimator.filter.effect_forms import (
+    Along,
+    declared_terms,
+    low_passed_in,
+    reference_motion,
+    run_with_effects,
+)
 from sinan.estimator.filter.flight import Flight
+from sinan.estimator.filter.flight_model import LowPass
 from sinan.estimator.filter.imu import ImuSamples, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.smoother import with_imu
+from sinan.sensors.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,4 +50,14 @@ class Readings:
         """Of a pass at other levels over the same flight."""
         if self.along is None:
             return prepare(flight, imu=imu_table(flight, self.samples))
-        return replace(self.along, flight=flight).inputs
+        return replace(self.along, flight=flight, motion=self._motion_of(flight)).inputs
+
+    def _motion_of(self, flight: Flight) -> Motion:
+        """The motion with force and rate as another low pass leaves them."""
+        assert self.along is not None
+        found, motion = self.along.flight.model.low_pass, self.along.motion
+        if flight.model.low_pass == found:
+            return motion
+        assert found == LowPass()  # nothing takes one back
+        table, both = self.along.table, (("accel", motion.f_b), ("gyro", motion.w_ib_b))
+        return with_imu(motion, np.hstack([low_passed_in(flight, table, values, name) for name, values in both]))

@@ -123,7 +123,7 @@ def prepared(recording: Recording, late: bool = True, effects: Callable[[Flight]
     kept = frozenset(levels.latency) if late else not_told_late(headed, levels)
     levels = replace(levels, latency={k: v for k, v in levels.latency.items() if k in kept})
     flight = levels.flight(headed).believing(assumptions=assumptions_of(headed, levels, sizes))
-    notes += level_notes(levels, told_from(recording))
+    notes += level_notes(levels, told_from(recording)) + low_pass_notes(levels, recording.streams["imu"].step)
     if not flight.model.height_is_read:
         notes.append("where the body is, and how fast, is no more than such an assumption and the IMU tell")
     return Prepared(flight.reading(headed.replace(notes=(*recording.notes, *notes))), levels, tuple(notes))
@@ -277,14 +277,14 @@ def _in_ms(time: float, sigma: float | None) -> str:
     return f"{abs(1e3 * time):.{digits}f} ± {1e3 * sigma:.{digits}f} ms"
 
 
-def _low_pass_notes(levels: Levels) -> list[str]:
-    """One line for each instrument that shakes faster than it is logged."""
+def low_pass_notes(levels: Levels, step: float) -> list[str]:
+    """One line for each instrument that shakes faster than it is logged, every `step` [s]."""
     lines = []
     for size in levels.found:
         if size.sensor != "low_pass":
             continue
-        time, sigma = levels.value(size), levels.sigma_of["low_pass", size.key]
-        if time > _TOLD * sigma:
+        time, sigma = levels.value(size), levels.sigma_of.get(("low_pass", size.key), 0.0)
+        if time > max(_TOLD * sigma, 0.5 * step):
             most = ", the longest that is sought" if time > 0.99 * size.at(size.bounds[1]) else ""
             lines.append(f"{size.key}: low pass of {_in_ms(time, sigma)}{most}: it shakes faster than it is logged")
     return lines
@@ -296,7 +296,6 @@ def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
     for sensor in dict.fromkeys(size.sensor for size in levels.found if size.sensor not in OF_NO_SENSOR):
         parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
         lines.append(f"{sensor}: {', '.join(parts)}: the likeliest, near those of its class")
-    lines += _low_pass_notes(levels)
     sought = {size.key: size for size in levels.found if size.sensor == "latency"}
     sigmas = {key: sigma for (sensor, key), sigma in levels.sigma_of.items() if sensor == "latency"}
     for sensor, late in levels.latency.items():

@@ -57,7 +57,7 @@ class Size:
     Attributes
     ----------
     sensor, key : such as ("gps", "colour_std"); of noise in step with the motion ("in_step", "gyro"), of a bound
-        ("bounds", "place"), of the jitter of stamps ("stamps", "mag")
+        ("bounds", "place"), of the jitter of stamps ("stamps", "mag"), of a low pass ("low_pass", "accel")
     median : of the prior
     spread : standard deviation of its logarithm in the prior; of a time ("latency", "gps") of itself
     linear : it is a time, not a size
@@ -85,7 +85,7 @@ class Size:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Of theta; also of a lateness: what is later is an effect that a trace names."""
+        """Of theta; also of a lateness: what is later is an effect that a trace names. No low pass looks backwards."""
         return (0.0 if self.sensor == "low_pass" else -4.0), 4.0
 
 
@@ -136,7 +136,7 @@ def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
         sizes += [
             Size(name, "noise_density", density, 1.0),
             Size(name, "bias_std", bias, 0.7),
-            _walk_of(name, walk, density if is_slow and not unaided else walk),
+            _walk_of(name, walk, density if is_slow and not unaided and not recording.spec(name).says_noise else walk),
             Size("in_step", name, 1.0 / 6.0, 0.7),
         ]
     sizes.append(Size("in_step", "rate", TURNING, 0.7))
@@ -180,8 +180,8 @@ def slow_error_of_gps(recording: Recording) -> list[Size]:
 
 
 def _walk_of(name: str, walk: float, vibration: float) -> Size:
-    """The random walk of a bias of the IMU, between that of its class and what vibration makes of it that looks slow,
-    each two spreads from the median.
+    """The random walk of a bias of the IMU: the median halfway between that of its class and what vibration makes of it
+    that looks slow, either within two spreads.
 
     Parameters
     ----------
@@ -238,4 +238,4 @@ def is_told_without_position(size: Size) -> bool:
     too good; a time is told by the motion itself, and a height sensor's noise by the sensor. A compass's colour by the
     log is smaller and slower than its prior, and what varies in a room is then named (docs/notes/ablation.md).
     """
-    return size.sensor in ("latency", "low_pass", *height_sensors()) or (size.sensor, size.key) == ("mag", "bias_std")
+    return size.sensor in ("latency", *height_sensors()) or (size.sensor, size.key) == ("mag", "bias_std")

@@ -37,6 +37,8 @@ from sinan.estimator.filter.effect_forms import (
     declared_terms,
     effects_on,
     is_lateness,
+    is_of_own_reading,
+    low_passed_in,
     over_time,
     reference_motion,
     run_with_effects,
@@ -49,7 +51,6 @@ from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, outputs_for, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import CAPACITY
-from sinan.estimator.filter.low_pass import low_passed
 from sinan.sensors.arrays import FloatArray, IntArray, zero_unless_finite
 from sinan.sensors.effects import Effect, effect
 from sinan.sensors.errors import InputError
@@ -311,11 +312,11 @@ def driver_regressors(along: Along, stream: str, effects: Sequence[Effect]) -> F
     for entry in effects:
         _missing(along.recording, entry, motion)
         beta = along.terms.beta(entry)
-        parts.append(entry.slope(plain, beta, motion) if np.any(beta) else entry.rows(motion, 3))
+        G = entry.slope(plain, beta, motion) if np.any(beta) else entry.rows(motion, 3)
+        parts.append(G if is_of_own_reading(entry) else low_passed_in(along.flight, along.table, G, stream))
     G = np.concatenate(parts, axis=2)
-    G = low_passed(motion.t, G, stream, along.model, along.recording.breaks)
     name, step = ("f_b", 1e-3) if stream == "accel" else ("w_ib_b", 1e-5)
-    present = [(e, b) for e, b in along.terms.of_stream(stream) if e.exact is not None or name in e.needs]
+    present = [(e, b) for e, b in along.terms.of_stream(stream) if is_of_own_reading(e)]
     if not present:
         return G
     response = np.tile(np.eye(3), (len(motion), 1, 1))

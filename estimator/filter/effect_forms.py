@@ -19,14 +19,14 @@ import numpy as np
 
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import Engine, run
-from sinan.estimator.filter.events import StreamForm, collect, is_form_only, stamps, with_readings
+from sinan.estimator.filter.events import StreamForm, collect, is_form_only, stamps, with_added
 from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DP, DTHETA, DV, PV
-from sinan.estimator.filter.low_pass import low_passed
+from sinan.estimator.filter.low_pass import low_passed_beside
 from sinan.estimator.filter.smoother import estimated_motion, smooth, with_imu
 from sinan.estimator.filter.wiener import signal_part, without_vibration
 from sinan.sensors.arrays import FloatArray, IntArray, zero_unless_finite
@@ -209,7 +209,7 @@ def reference_motion(recording: Recording, journal: Journal, terms: Terms, table
         return motion
     as_read, corrections = np.hstack([motion.f_b, motion.w_ib_b]), np.zeros_like(table.u)
     for _ in range(INVERSION_ROUNDS - 1):
-        better = imu_corrections(journal.run.flight, terms, motion)
+        better = imu_corrections(journal.run.flight, terms, motion, table)
         settled = np.max(np.abs(better - corrections), initial=0.0) < INVERTED
         corrections = better
         if settled:
@@ -218,15 +218,30 @@ def reference_motion(recording: Recording, journal: Journal, terms: Terms, table
     return motion
 
 
-def imu_corrections(flight: Flight, terms: Terms, motion: Motion) -> FloatArray:
+def imu_corrections(flight: Flight, terms: Terms, motion: Motion, table: ImuTable) -> FloatArray:
     """(N, 6) what the effects put into accelerometer and gyroscope along the motion, as the low pass leaves it."""
     recording, parts = flight.recording, []
     for stream, plain in (("accel", motion.f_b), ("gyro", motion.w_ib_b)):
         pairs = terms.of_stream(stream)
         along = with_covariates(recording, stream, motion) if pairs else motion
-        added = sum((e.change(plain, b, along) for e, b in pairs), np.zeros_like(plain))
-        parts.append(low_passed(motion.t, added, stream, flight.model, recording.breaks) if pairs else added)
+        own, other = np.zeros_like(plain), np.zeros_like(plain)
+        for entry, beta in pairs:
+            added = own if is_of_own_reading(entry) else other
+            added += entry.change(plain, beta, along)
+        parts.append(own + low_passed_in(flight, table, other, stream))
     return np.concatenate(parts, axis=1)
+
+
+def is_of_own_reading(entry: Effect) -> bool:
+    """Whether what an effect adds to accelerometer or gyroscope is a function of the true value of the same reading: of
+    samples behind the low pass it then adds that function of them.
+    """
+    return entry.exact is not None or {"accel": "f_b", "gyro": "w_ib_b"}[entry.stream] in entry.needs
+
+
+def low_passed_in(flight: Flight, table: ImuTable, values: FloatArray, stream: str) -> FloatArray:
+    """(N, ...) what goes with the samples of accelerometer or gyroscope, as the low pass leaves it."""
+    return low_passed_beside(table.t, table.row >= 0, values, stream, flight.model, flight.recording.breaks)
 
 
 def with_covariates(recording: Recording, stream: str, motion: Motion) -> Motion:
@@ -286,7 +301,7 @@ class Along(OfFlight):
     @cached_property
     def corrected(self) -> ImuTable:
         """Of the IMU without the effects."""
-        return replace(self.table, u=self.table.u - imu_corrections(self.flight, self.terms, self.motion))
+        return replace(self.table, u=self.table.u - imu_corrections(self.flight, self.terms, self.motion, self.table))
 
     @cached_property
     def added(self) -> Mapping[str, StreamForm]:
@@ -306,7 +321,7 @@ class Along(OfFlight):
         forms = {**self.added, **{name: linear_form(self, name) for name in linear}}
         events = collect(self.flight, forms, {name: self.terms.lateness(name) for name in self.model.sensors})
         if "zero_rate" in self.model.sensors and self.terms.of_stream("gyro"):
-            events = with_readings(events, "zero_rate", self.at_zero_rate(self.corrected.u[:, 3:]))
+            events = with_added(events, "zero_rate", self.at_zero_rate((self.corrected.u - self.table.u)[:, 3:]))
         first = first_state(self.flight.reading(self.without_effects)) if self.first is None else self.first
         return prepare(self.flight, imu=self.corrected, events=events, first=first, aligned=self.without_effects)
 

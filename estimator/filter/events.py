@@ -207,10 +207,10 @@ def with_variances(events: Events, flight: Flight) -> Events:
     return replace(events, r=r)
 
 
-def with_readings(events: Events, name: str, values: FloatArray) -> Events:
-    """The events with other readings (k, m) of one sensor."""
+def with_added(events: Events, name: str, values: FloatArray) -> Events:
+    """The events with (k, m) more in the readings of one sensor."""
     mine, z = np.flatnonzero(events.sensor == events.sensors.index(name)), events.z.copy()
-    z[events.row[mine][:, None] + np.arange(values.shape[1])] = values[events.index[mine]]
+    z[events.row[mine][:, None] + np.arange(values.shape[1])] += values[events.index[mine]]
     return replace(events, z=z)
 
 

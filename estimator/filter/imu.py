@@ -131,7 +131,7 @@ def imu_table(flight: Flight, samples: ImuSamples | None = None) -> ImuTable:
     t, notes = samples.t, list(samples.notes)
     u = low_passed_imu(t, samples.u, flight.model, flight.recording.breaks)
     h = np.diff(t)
-    unseen = {int(k): unseen_motion(t, u, float(h[k]), nominal) for k in np.flatnonzero(h > GAP * nominal)}
+    unseen = {int(k): unseen_motion(t, samples.u, float(h[k]), nominal) for k in np.flatnonzero(h > GAP * nominal)}
     ends = [k for k, (_, turn) in unseen.items() if t[k + 1] in flight.recording.breaks or turn > UNBRIDGED**2]
     q_accel, q_gyro = _noise(t, u, samples.excess, flight.model, ends)
     for k, (velocity, turn) in unseen.items():

@@ -1,17 +1,19 @@
 """Samples of an IMU that shakes faster than it is logged.
 
-Instants of a vibration above half the rate of a log are noise in its samples that no other sample shows: integrated,
-they make a velocity walk which no body has. A sample is u_k = f(t_k) + v_k, v white of variance V, and the body's own
-force, or rate, changes by a random walk of q per second at most. The likeliest f has the least
+Instants of a vibration above half the rate of a log are noise of its samples that no other sample shows. A sample is
+u_k = f(t_k) + v_k, v white of variance V, and the body's own force, or rate, changes by a random walk of q per second.
+The likeliest f has the least
 
     sum of h (u_k - f_k)^2  +  tau^2 sum of (f_{k+1} - f_k)^2 / (t_{k+1} - t_k),      tau^2 = V h / q,
 
-h the nominal step. Of even samples it is their mean with weights exp(-|t| / tau) to either side: a constant stays, of a
-frequency 1 / (1 + (2 pi frequency tau)^2) is left. It looks ahead by tau. tau = 0 leaves the samples as they are.
+h the nominal step. Of even samples of frequency nu it leaves 1 / (1 + (2 tau / h)^2 sin^2(pi nu h)), of slow ones that
+is nearly 1 / (1 + (2 pi nu tau)^2), a mean with weights exp(-|t| / tau) to either side; of a constant all. It looks
+ahead by tau. tau = 0 leaves the samples as they are.
 
 Source: E. T. Whittaker, Proc. Edinburgh Math. Soc. 41, 1923, 63, with first differences in the place of third ones.
-Neglects that vibration changes with the throttle, and that one which is taken for a slow one drifts: what it makes of
-the means is the bias's.
+Neglects that vibration changes with the throttle; that a motion faster than tau goes, too; that what is left of v is
+no longer white within tau, while the filter, and the search for what of a sample is signal, take it for white. What v
+makes of a mean over longer than tau stays: it is the noise's, or the bias's.
 """
 
 from __future__ import annotations
@@ -21,7 +23,11 @@ from collections.abc import Collection
 import numpy as np
 
 from sinan.estimator.filter.flight_model import FlightModel
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import BoolArray, FloatArray
+
+#: Stamps closer than this, as a part of the nominal step, are taken for so far apart: rounding is 2^-53 = 1e-16 of the
+#: equations' largest coefficient, and would be seen.
+_LEAST = 1e-3
 
 
 def low_passed_imu(t: FloatArray, u: FloatArray, model: FlightModel, breaks: Collection[float] = ()) -> FloatArray:
@@ -49,12 +55,33 @@ def low_passed(
         return values
     from scipy.linalg import solveh_banded
 
-    joined = ~np.isin(t[1:], np.array(list(breaks)))
-    stiff = np.where(joined, tau**2 / np.diff(t), 0.0)
-    nominal = 1.0 / model.rate
+    rate, log = model.rate, np.searchsorted(np.sort(np.array(list(breaks))), t, side="right")
+    apart = np.maximum(np.diff(t), _LEAST / rate)
+    stiff = np.where(np.diff(log) == 0, tau**2 / apart, 0.0)
     bands = np.zeros((2, len(t)))
     bands[0, 1:] = -stiff
-    bands[1] = nominal
+    bands[1] = 1.0 / rate
     bands[1, 1:] += stiff
     bands[1, :-1] += stiff
-    return np.asarray(solveh_banded(bands, nominal * values.reshape(len(t), -1))).reshape(values.shape)
+    flat = values.reshape(len(t), -1) / rate
+    return np.asarray(solveh_banded(bands, flat, check_finite=False)).reshape(values.shape)
+
+
+def low_passed_beside(
+    t: FloatArray, measured: BoolArray, values: FloatArray, stream: str, model: FlightModel, breaks: Collection[float]
+) -> FloatArray:
+    """(n, ...) the same at the samples of a table of which some were put into gaps: these lie between their neighbours,
+    as the samples themselves do.
+
+    Parameters
+    ----------
+    measured : (n,) which are the IMU's own, the first and the last among them
+    """
+    if np.all(measured) or not getattr(model.low_pass, stream):
+        return low_passed(t, values, stream, model, breaks)
+    own = np.flatnonzero(measured)
+    found = low_passed(t[own], values[own], stream, model, breaks)
+    before = np.minimum(np.searchsorted(own, np.arange(len(t)), side="right") - 1, len(own) - 2)
+    share = (t - t[own[before]]) / (t[own[before + 1]] - t[own[before]])
+    share = share.reshape(-1, *(1,) * (values.ndim - 1))
+    return np.asarray(found[before] + share * (found[before + 1] - found[before]))

@@ -47,12 +47,13 @@ def test_it_is_the_likeliest_force_that_walks() -> None:
     np.testing.assert_allclose(of_accel(t, u, np.sqrt(white * STEP / walk)), expected, atol=1e-4)
 
 
-@pytest.mark.parametrize("frequency", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("frequency", [0.1, 0.2, 0.5])
 def test_a_frequency_is_left_as_far_as_it_is_slow(frequency: float) -> None:
     tau, wave = 0.5, np.sin(2.0 * np.pi * frequency * EVEN)
     left = of_accel(EVEN, wave, tau)[100:300]
-    expected = 1.0 / (1.0 + (2.0 * np.pi * frequency * tau) ** 2)
-    assert left @ wave[100:300] / (wave[100:300] @ wave[100:300]) == pytest.approx(expected, rel=0.03)
+    share = left @ wave[100:300] / (wave[100:300] @ wave[100:300])
+    assert share == pytest.approx(1.0 / (1.0 + (2.0 * tau / STEP * np.sin(np.pi * frequency * STEP)) ** 2), rel=1e-3)
+    assert share == pytest.approx(1.0 / (1.0 + (2.0 * np.pi * frequency * tau) ** 2), rel=0.03)
 
 
 def test_what_all_samples_have_in_common_stays() -> None:
@@ -76,3 +77,15 @@ def test_logs_that_follow_each_other_have_nothing_in_common() -> None:
     each = [of_accel(EVEN[part], force[part], 0.7) for part in (slice(0, 200), slice(200, 400))]
     np.testing.assert_allclose(both, np.concatenate(each), rtol=1e-12)
     assert abs(of_accel(EVEN, force, 0.7)[199] - both[199]) > 10.0
+
+
+def test_a_log_whose_first_samples_are_missing_is_still_another_one() -> None:
+    """The stamp at which it began is none of the table's."""
+    force = np.random.default_rng(5).standard_normal(len(EVEN)) + np.where(EVEN >= 20.0, 100.0, 0.0)
+    t, left = np.delete(EVEN, slice(200, 203)), np.delete(force, slice(200, 203))
+    assert abs(of_accel(t, left, 0.7, breaks=(float(EVEN[200]),))[199]) < 5.0
+
+
+def test_stamps_that_nearly_agree_do_no_harm() -> None:
+    t = np.insert(EVEN, 101, EVEN[100] + 1e-12)
+    np.testing.assert_allclose(of_accel(t, np.full(len(t), 9.8), 4.0), 9.8, rtol=1e-9)
