@@ -46,8 +46,8 @@ TURNING = 0.002
 #: INS_GYRO_FILTER, AP_InertialSensor.cpp). A log of less than twice that has faster vibration in its samples (Nyquist).
 LET_THROUGH = 20.0
 #: Time constant of the low pass of such samples, spread [s]: a choice, the time in which a vehicle changes its force.
-#: Half and twice move that of a gyroscope by 0.8 and 1.7 sigma, of an accelerometer by 2.1 and 0.5; where vibration drowns
-#: the force it is the longest that is sought with half and with this (docs/notes/noise_levels.md).
+#: Half and twice move that of a gyroscope by 0.8 and 1.7 sigma, of an accelerometer by 2.1 and 0.5; where vibration
+#: drowns the force it is the longest that is sought with half and with this (docs/notes/noise_levels.md).
 PASSED_IN = 1.0
 
 
