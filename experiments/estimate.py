@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.estimator.evidence.consistency import BLOCK_NAMES, nees, nees_by_block, nis
+from sinan.estimator.evidence.consistency import BLOCK_NAMES, Statistic, nees, nees_by_block, nis
 from sinan.estimator.filter.engine import Engine, choose_engine
 from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight import Flight
@@ -19,6 +19,7 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DP, DTHETA, DV, P_N, Q_NB, V_N, StateLayout
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import SmoothedStates, smooth
+from sinan.estimator.filter.tails import NORMAL
 from sinan.experiments.reference import Mounted, covered, described, errors_of, states_at, told_of
 from sinan.experiments.refused import doubted_shares
 from sinan.sensors.arrays import FloatArray, finite_or_none
@@ -137,6 +138,12 @@ def field_unit_of(journal: Journal) -> str:
     return str(journal.run.recording.environment.field_unit)  # type: ignore[attr-defined]
 
 
+def _interval_of(journal: Journal, sensor: str, found: Statistic) -> list[float | None]:
+    """Where a mean NIS lies by chance; unknown where innovations have the law of Student, whose squares are larger."""
+    known = journal.model.tail_of(sensor) in (None, NORMAL)
+    return [finite_or_none(value) if known else None for value in found.interval]
+
+
 def report_of(journal: Journal) -> dict[str, Any]:
     """What one run says of itself."""
     layout, end = journal.model.layout, journal.x_end
@@ -153,7 +160,7 @@ def report_of(journal: Journal) -> dict[str, Any]:
         "bias": {sensor: end[layout.nominal(block)].tolist() for sensor, block in biases.items()},
         "bias_std": {sensor: sigma[layout.slice(block)].tolist() for sensor, block in biases.items()},
         "nis": {name: finite_or_none(value.mean) for name, value in consistency.items()},
-        "nis_interval": {name: [finite_or_none(v) for v in value.interval] for name, value in consistency.items()},
+        "nis_interval": {name: _interval_of(journal, name, value) for name, value in consistency.items()},
         "rejected": dict(journal.rejected()),
         "doubted": doubted_shares(journal),
         "readings": {name: dict(row) for name, row in journal.counts().items()},

@@ -43,7 +43,7 @@ class Readings:
         if not terms:
             return cls(samples, None)
         journal = run_with_effects(flight, terms, engine="numba", stride=0)
-        motion = reference_motion(flight.recording, journal, terms, imu_table(flight, samples))
+        motion = reference_motion(journal, terms, imu_table(flight, samples))
         return cls(samples, Along(flight, terms, motion))
 
     def inputs(self, flight: Flight) -> RunInputs:

@@ -45,7 +45,7 @@ NEVER_CALIBRATED = 0.1
 #: Of such IMUs the share that is sampled at instants, without a low-pass of about its own rate: a choice. Half takes
 #: the instants of an aerobatic flight for means, twice changes none (`bounds_of_work kinds`).
 INSTANT = 0.1
-#: Of logs so many have streams that are stamped at the instant of the reading: 1 / 2, since nobody knows.
+#: Of streams so many are stamped at the instant of the reading: 1 / 2, since nobody knows.
 ONE_CLOCK = 0.5
 
 
@@ -174,8 +174,8 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none; of a long log sought
     in excerpts, and from there in the whole.
 
-    Means over a step make other streams later by half of it. So it counts for a kind that streams are then those of
-    one clock, none late at all: by the Savage-Dickey ratio of posterior to prior at zero.
+    Means over a step make other streams later by half of it. So it counts for a kind how many streams are then not late
+    at all, each by itself with odds of one to one beforehand: by the Savage-Dickey ratio of posterior to prior at zero.
     """
     kinds = {"average": 1.0 - INSTANT, "instant": INSTANT}
     if are_samples_declared(recording):

@@ -58,7 +58,10 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
 
     def surprise(heading: float) -> float:
         """Bounded NIS and log |S|; the readings that `OUTLIER_LEVEL` calls outliers count with a logarithm."""
-        journal = run(prepare(flight.reading(_turned(recording, x, heading)), events=events), "numba", stride=0)
+        try:
+            journal = run(prepare(flight.reading(_turned(recording, x, heading)), events=events), "numba", stride=0)
+        except InputError:  # no state follows from such a heading
+            return np.inf
         limit = flight.model.robust_threshold(journal.freedom)
         over = np.maximum(journal.nis / limit, 1.0)
         bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
@@ -97,6 +100,8 @@ def beside_iron(flight: Flight) -> Recording:
 
     headings = np.arange(0.0, 2.0 * np.pi, COARSE)
     each = np.array([log_likelihood(float(heading)) for heading in headings])
+    if not np.any(np.isfinite(each)):
+        return recording
     off = np.angle(np.exp(1j * (headings - headings[np.argmax(each)])))
     share = np.exp(each - np.max(each))
     std = float(np.clip(np.sqrt(np.sum(share * off**2) / np.sum(share)), LEFT, UNBRIDGED))

@@ -99,7 +99,8 @@ class Rest:
     Attributes
     ----------
     start, stop : on the recording's clock [s]
-    found : by what the part was found: "accel and gyro", "accel", or "" (all of the log; nothing could tell)
+    found : by what the part was found: "accelerometer and gyroscope", "accelerometer", or "" (all of the log; nothing
+        could tell)
     channels : one for each axis of each sensor that read during it
     left_out : why a sensor of the log is not there, by name
     """

@@ -134,7 +134,7 @@ def sensitivity_pass(
             settled = run_with_effects(flight, terms, engine="numba", stride=0)
         else:
             settled = run(prepare(flight, imu=table), "numba", 0)
-        motion = reference_motion(flight.recording, settled, terms, table)
+        motion = reference_motion(settled, terms, table)
     return pass_along(Along(flight, terms, motion, table), candidates, blocks, keep_rows, stride)
 
 

@@ -182,7 +182,7 @@ def run_with_effects(
             flight.believing(gate_level=None) if flight.model.relinearise else flight
         )  # a coarse start is no outlier
         journal = run(prepare(judged, imu=table, first=first), engine, 0)
-        motion = reference_motion(flight.recording, journal, terms, table)
+        motion = reference_motion(journal, terms, table)
     white: FloatArray | None = None
     for count in range(1, passes + 1):
         journal = run(Along(flight, terms, motion, table, first).inputs, engine, stride)
@@ -190,7 +190,7 @@ def run_with_effects(
         if change < tolerance or count == passes:
             break
         white = journal.white
-        motion = reference_motion(flight.recording, journal, terms, table)
+        motion = reference_motion(journal, terms, table)
     return replace(journal, iterations=count)
 
 
@@ -201,7 +201,7 @@ def _require_streams(flight: Flight, terms: Terms) -> None:
             raise InputError(flight.where, f"no stream for {entry.name}", f"readings of {entry.stream}", "[effects]")
 
 
-def reference_motion(recording: Recording, journal: Journal, terms: Terms, table: ImuTable) -> Motion:
+def reference_motion(journal: Journal, terms: Terms, table: ImuTable) -> Motion:
     """Smoothed motion at the samples of the IMU table; f_b and w_ib_b solve reading = e(f) + b."""
     assert isinstance(journal.run, RunInputs)
     motion = estimated_motion(replace(journal, run=replace(journal.run, imu=table)), smoothed=smooth(journal))

@@ -8,8 +8,8 @@ With C_true = C Exp(dtheta_b), f_true = f_meas - b_accel - n, w_true = (1 - S) (
     dp_1 = dp_0 + h / 2 (dv_0 + dv_1)
 
 `with_axes` has the part of S, which most models have not. Neglects S db_gyro, the turn of the Earth inside the step
-(1e-7 of dtheta), what the coning term adds to the part of db_gyro (h / 12 of the change of rate, 1e-4 of it), and in Q
-the noise that the angle passes on to the velocity within one step (it does so from the next step on).
+(1e-7 of dtheta, and 2 h w_ie x dv), what the coning term adds to the part of db_gyro (h / 12 of the change of rate,
+1e-4 of it), and in Q the noise that the angle passes on to the velocity within one step (it does so from the next on).
 """
 
 from __future__ import annotations

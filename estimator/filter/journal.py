@@ -82,7 +82,7 @@ class Journal:
     row : (K + 1,) first component in `nu` and `white` (rows,); S_row : (K + 1,) first element in `S`, row by row
     freedom : (K,) mean of each NIS where all is well: the components that tell something (`Events.freedom`)
     nis, loglik, weight, status : (K,); NaN where nothing was predicted
-    x, var : (K, n + 1), (K, n) nominal state and variances after the reading; with `keep_states=False` empty
+    x, var : (K, n + 1), (K, n) nominal state and variances after the reading
     imu_t, imu_x, imu_var : (N,), (N, n + 1), (N, n) at IMU samples, before readings at the same instant; decimated
     x_end, P_end : state and covariance at the end
     t_start, t_end : s
@@ -158,12 +158,22 @@ class Journal:
         for number, name in enumerate(self.sensors):
             if name in margins:
                 mine = np.flatnonzero(self.sensor == number)
-                t[mine], margin[mine] = self._recording.streams[name].t[self.index[mine]], margins[name]
+                t[mine], margin[mine] = self.stamps[mine], margins[name]
         inside = np.zeros(len(self), dtype=bool)
         for start, end in spans:
             least = np.minimum(margin, MOST_OF_A_SPAN * (end - start))
             inside |= (t >= start + least) & (t <= end - least)
         return inside
+
+    @property
+    def stamps(self) -> FloatArray:
+        """(K,) stamps of the readings as they were logged, whatever is late [s]; of what is no stream their times."""
+        t = self.t.copy()
+        for number, name in enumerate(self.sensors):
+            if name in self._recording.streams:
+                mine = np.flatnonzero(self.sensor == number)
+                t[mine] = self._recording.streams[name].t[self.index[mine]]
+        return t
 
     @property
     def _recording(self) -> Recording:

@@ -62,7 +62,7 @@ def repeated(recording: Recording, duration: float) -> Recording:
 
 def candidates(inputs: RunInputs, parameters: int = PARAMETERS) -> tuple[Effect, ...]:
     """Effects of the catalogue that need no covariate, filled up with transients to the number of parameters."""
-    plain = reference_motion(inputs.recording, run(inputs, "numba", 0), Terms(), inputs.imu)
+    plain = reference_motion(run(inputs, "numba", 0), Terms(), inputs.imu)
     chosen = [e for e in effects_for("flight", candidate_streams(inputs.model)) if not e.missing(plain)]
     k = 0
     while sum(e.size for e in chosen) < parameters:
@@ -90,7 +90,7 @@ def main(rounds: int = ROUNDS) -> dict[str, float]:
     model, samples = inputs.model, len(inputs.imu)
     part = prepare(Flight(repeated(inputs.recording, READABLE_PART), model))
     effects = candidates(inputs)
-    motion = reference_motion(inputs.recording, run(inputs, "numba", 0), Terms(), inputs.imu)
+    motion = reference_motion(run(inputs, "numba", 0), Terms(), inputs.imu)
     columns, order, slices = pack(Along(Flight(inputs.recording, model), Terms(), motion, inputs.imu), effects)
 
     def readable() -> None:

@@ -98,8 +98,8 @@ def innovation_part(page: Page, document: Mapping[str, Any]) -> None:
     page.text(
         "NIS compares the size of the innovations with what the filter expects of them: 1 is right; more than 1 means "
         "errors that the filter does not know of, less than 1 that it expects too much noise. With a right model NIS "
-        "lies outside the interval by chance in one case of twenty. Refused are single readings too far off to be "
-        "noise."
+        "lies outside the interval by chance in one case of a hundred; where the noise is found from the log and has "
+        "heavy tails there is no interval. Refused are single readings too far off to be noise."
     )
     rows = [
         [
@@ -111,5 +111,5 @@ def innovation_part(page: Page, document: Mapping[str, Any]) -> None:
         ]
         for sensor, nis in document["nis"].items()
     ]
-    head = ["sensor", "NIS", "95 % interval if the model is right", "innovations", "refused"]
+    head = ["sensor", "NIS", "99 % interval if the model is right", "innovations", "refused"]
     page.table(head, rows, numeric=(1, 2, 4))

@@ -22,7 +22,7 @@ from sinan.experiments.report.words import (
 )
 from sinan.sensors.window import GOES_BACK, second_words
 
-#: NIS outside its 95 % interval and outside these bounds is remarked upon: a declared noise is rarely known to a tenth.
+#: NIS outside its 99 % interval and outside these bounds is remarked upon: a declared noise is rarely known to a tenth.
 _NIS_LOW, _NIS_HIGH = 0.8, 1.25
 
 

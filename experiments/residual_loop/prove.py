@@ -264,7 +264,7 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     plain = _fitted_on_the_rest(source, selection, frozenset())
     noise = _noise(source, selection.final)
     unknown = _unknown(selection, known)
-    before, after = (_known(source, unknown, source.held_out(fit)) for fit in (plain, fitting))
+    before, after = (_known(unknown, source.held_out(fit)) for fit in (plain, fitting))
     all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
     sure = {r.stream: r for r in all_after}
     all_before = [r.as_sure_as(sure.get(r.stream, r)).weighed for r in all_before]
@@ -287,7 +287,7 @@ def _contribution(
 ) -> Contribution:
     """Of one effect: the model of the fitting part with and without it."""
     without, unknown = _fitted_on_the_rest(source, selection, known - {finding.term}), _unknown(selection, known)
-    before, after = (_known(source, unknown, source.held_out(fit)) for fit in (without, fitted))
+    before, after = (_known(unknown, source.held_out(fit)) for fit in (without, fitted))
     names = {r.stream for r in before} & {r.stream for r in after}
     stream = stream_in_question(source, replace(selection, findings=(finding,)), names)
     first, second = (next(r for r in part if r.stream == stream) for part in (before, after))
@@ -307,7 +307,7 @@ def _unknown(selection: Selection, known: frozenset[Term]) -> list[Term]:
     return [term for term in selection.final.terms if term.interval is not None and term not in known]
 
 
-def _known(source: Source, unknown: Sequence[Term], residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
+def _known(unknown: Sequence[Term], residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
     """The residuals without the readings in intervals of which the fitting part knows nothing; all of a stream of which
     none would be left.
     """

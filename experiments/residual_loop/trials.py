@@ -272,8 +272,8 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     gain = fit.deviance - refit.deviance
     if not term.in_mean:
         return refit, Finding(
-            term, refit.beta[term], refit.std[term], option.log_p, option.log_p_raw, -option.log_p_raw, gain,
-            option.statistic, (),
+            term, refit.beta[term], refit.std[term], option.log_p, option.log_p_raw, most_odds_of(option.log_p_raw),
+            gain, option.statistic, (),
         )  # fmt: skip
     evidence = source.evidence(refit, own_terms_only=True)
     beta, std = refit.beta[term], refit.std[term]
@@ -297,6 +297,13 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     if is_local and log_odds < 0.0:
         log_p = 0.0
     return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, (), search=option.search_raw)
+
+
+def most_odds_of(log_p: float) -> float:
+    """Logarithm of the largest Bayes factor for an effect that a p-value allows: -1 / (e p log p) below p = 1 / e, 1
+    above (T. Sellke, M. J. Bayarri, J. O. Berger, Am. Stat. 55(1), 2001, 62).
+    """
+    return -log_p - 1.0 - float(np.log(-log_p)) if log_p < -1.0 else 0.0
 
 
 def cannot_be(source: Source, fit: Fit, term: Term, evidence: Evidence) -> bool:

@@ -103,7 +103,7 @@ def test_it_is_what_effects_with_a_prior_are() -> None:
     effects = [effect("gyro.scale"), effect("gyro.cross_axis")]
     without = Flight(recording, model_of(recording, 0.0))
     journal = run_filter(without, engine="numba")
-    motion = reference_motion(recording, journal, Terms(), journal.run.imu)
+    motion = reference_motion(journal, Terms(), journal.run.imu)
     found = []
     for std in (0.0, STD):
         _, one = sensitivity_pass(Flight(recording, model_of(recording, std)), effects, motion=motion)
@@ -153,7 +153,7 @@ def test_what_no_driver_moves_is_as_in_a_pass_of_its_own() -> None:
     recording = crooked(4.0)
     flight = Flight(recording, model_of(recording))
     journal = run_filter(flight, engine="numba")
-    motion = reference_motion(recording, journal, Terms(), journal.run.imu)
+    motion = reference_motion(journal, Terms(), journal.run.imu)
     effects = (effect("gyro.scale"), effect("gyro.cross_axis"), *DISTURBANCES)
     _, together = sensitivity_pass(flight, effects, motion=motion)
     for entry, columns in list(zip(effects, together.slices, strict=True))[::5]:

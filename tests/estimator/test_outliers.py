@@ -61,6 +61,28 @@ def test_one_in_a_hundred_is_found_where_it_is(kind: str) -> None:
     assert found.share == len(found.row) / N
 
 
+def test_none_is_said_of_one_component_with_a_heavy_tail() -> None:
+    """The law that a model of found noise has of every innovation: of 1,160 streams one was named."""
+    named = 0
+    for seed in range(60):
+        rng = np.random.default_rng([7, seed])
+        found = wrong_among(rng.standard_normal((600, 1)) / np.sqrt(rng.chisquare(4.0, (600, 1)) / 4.0))
+        assert found is not None
+        named += found.log_p < NEEDED and len(found.row) >= 3
+    assert named <= 1
+
+
+def test_some_are_found_of_one_component_with_a_heavy_tail() -> None:
+    rng = np.random.default_rng(5)
+    error, wrong = rng.standard_normal((600, 1)) / np.sqrt(rng.chisquare(8.0, (600, 1)) / 8.0), np.arange(50, 550, 50)
+    error[wrong] += rng.choice([-1.0, 1.0], (10, 1)) * rng.uniform(15.0, 25.0, (10, 1))
+    found = wrong_among(error)
+    assert found is not None
+    assert found.log_p < NEEDED
+    assert np.array_equal(np.intersect1d(found.row, wrong), wrong)
+    assert len(found.row) <= 12
+
+
 def test_a_disturbance_of_neighbours_is_none() -> None:
     rng = np.random.default_rng(4)
     error = rng.standard_normal((N, 1))

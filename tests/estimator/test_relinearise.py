@@ -43,7 +43,7 @@ def test_engines_agree_about_a_reference() -> None:
     recording, _ = fly(5, duration=3.0)
     model = flight_model(recording, gate_level=None)
     journal = run_filter(Flight(recording, model), engine="numba")
-    motion = reference_motion(recording, journal, Terms(), journal.run.imu)
+    motion = reference_motion(journal, Terms(), journal.run.imu)
     forms = {name: linear_form(Along(Flight(recording, model), Terms(), motion), name) for name in model.sensors}
     inputs = prepare(Flight(recording, model), events=collect(Flight(recording, model), forms))
     assert difference(run(inputs, "numba"), run(inputs, "filterpy")) < AGREEMENT
@@ -88,7 +88,7 @@ def test_sensitivities_are_those_of_the_relinearised_filter() -> None:
     recording, _ = simulate(load_scenario("no_aiding"), np.random.default_rng(101))
     model = flight_model(recording, gate_level=None, relinearise=True)
     journal = run_relinearised(Flight(recording, model), engine="numba", stride=0)
-    motion = reference_motion(recording, journal, Terms(), imu_table(Flight(recording, model)))
+    motion = reference_motion(journal, Terms(), imu_table(Flight(recording, model)))
     names, beta = ("mag.declination", "mag.cross_axis", "gyro.temperature"), 1e-5
     _, found = sensitivity_pass(Flight(recording, model), names, motion=motion, keep_rows=1, stride=0)
     for name in names:
@@ -117,7 +117,7 @@ def test_a_beam_above_the_horizon_has_no_prediction() -> None:
     model = flight_model(recording, relinearise=True)
     journal = run_filter(Flight(recording, model.replace(relinearise=False)), engine="numba")
     table = imu_table(Flight(recording, model))
-    motion = reference_motion(recording, journal, Terms(), table)
+    motion = reference_motion(journal, Terms(), table)
     over = (motion.t > 1.0) & (motion.t < 2.0)
     motion = replace(motion, q_nb=np.where(over[:, None], np.array([0.0, 1.0, 0.0, 0.0]), motion.q_nb))
     after = run(Along(Flight(recording, model), Terms(), motion, table).inputs, "numba")
@@ -132,7 +132,7 @@ def test_nothing_is_learnt_of_heading_and_field_turned_together() -> None:
     recording, _ = fly(13, duration=2.0)
     model = flight_model(recording, field=0.1 * np.eye(3)).replace(relinearise=True)
     plain = run_filter(Flight(recording, model.replace(relinearise=False)), engine="numba")
-    motion = reference_motion(recording, plain, Terms(), plain.run.imu)
+    motion = reference_motion(plain, Terms(), plain.run.imu)
     found = model.m_n + np.array([-0.2, 0.3, 0.1])
     inputs = Along(Flight(recording, model), Terms(), replace(motion, m_n=found[None])).inputs
     engine, layout = ReadableFilter(inputs, outputs_for(inputs)), model.layout

@@ -97,7 +97,7 @@ def flown(case: str) -> tuple[Recording, FlightModel, Journal, Motion]:
     recording, _ = fly(11, duration=4.0, **how)
     model = flight_model(recording, **judged)
     journal = run_filter(Flight(recording, model), engine="numba")
-    return recording, model, journal, reference_motion(recording, journal, Terms(), journal.run.imu)
+    return recording, model, journal, reference_motion(journal, Terms(), journal.run.imu)
 
 
 def candidates(model: FlightModel) -> tuple[Effect, ...]:

@@ -108,7 +108,7 @@ def test_it_is_what_the_effect_with_a_prior_is() -> None:
     recording = recording.replace(initial=known)
     without = Flight(recording, model_of(recording, 0.0))
     journal = run_filter(without, engine="numba")
-    motion = reference_motion(recording, journal, Terms(), journal.run.imu)
+    motion = reference_motion(journal, Terms(), journal.run.imu)
     found = []
     for std in (0.0, STD):
         flight = Flight(recording, model_of(recording, std, 0.0)).believing(relinearise=True)

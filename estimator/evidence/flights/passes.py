@@ -138,7 +138,7 @@ class FlightPasses:
         self._margins = {one.stream: _AT_ENDS * one.parameters[0].plausible for one in late}
         journal = run_filter(self.flight, {}, engine="numba", stride=0)
         self.notes = journal.notes
-        plain_motion = reference_motion(recording, journal, declared_terms(recording), self.table)
+        plain_motion = reference_motion(journal, declared_terms(recording), self.table)
         declared = recording.initial
         self._keeps_heading = (
             declared.quaternion is not None
@@ -188,7 +188,7 @@ class FlightPasses:
 
     def follow(self, journal: Journal, along: Along) -> Motion:
         """The motion that a pass has found, the effects taken off, those declared too."""
-        return reference_motion(self.flight.recording, journal, along.terms, self.table)
+        return reference_motion(journal, along.terms, self.table)
 
     def fitted(self, own: Terms, part: Part, again: bool = True) -> Fitted:
         """Gauss-Newton over beta, from its first values on, with passes in the effects' exact form.
@@ -202,8 +202,7 @@ class FlightPasses:
         InputError : from the first values no state, covariance or finite information follows
         """
         best = self._likeliest(own, part)
-        covariance = np.linalg.pinv(best.information, rcond=1e-12, hermitian=True)
-        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        std = _sigma(best.information)
         found = Fitted(best.own, std, best.deviance, best.journal, best.along, best.sensitivity, self.flight.recording)
         for k, seen, predicted in self._hardly_seen(best.own, best.information):
             least = self._least(found, k, part, seen, predicted)
@@ -400,6 +399,16 @@ class FlightPasses:
             about_down = np.array([turn[0], 0.0, 0.0, turn[3]]) / max(float(np.hypot(turn[0], turn[3])), 1e-300)
             q_nb = quaternion_multiply(about_down, q_nb)
         return recording.replace(initial=replace(declared, quaternion=q_nb, attitude_std=self._start_std))
+
+
+def _sigma(information: FloatArray) -> FloatArray:
+    """(p,) 1-sigma of each parameter by the readings alone, of what they do not tell at all 0; sought in units in which
+    each by itself is told alike, as parameters of different units may be told a million times better than others.
+    """
+    told = np.sqrt(np.maximum(np.diag(information), 0.0))
+    unit = np.divide(1.0, told, out=np.zeros_like(told), where=told > 0.0)
+    covariance = np.linalg.pinv(information * np.outer(unit, unit), rcond=1e-12, hermitian=True)
+    return np.asarray(unit * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 
 
 def _posterior_sigma(information: FloatArray, prior: FloatArray) -> FloatArray:

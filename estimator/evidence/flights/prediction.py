@@ -285,7 +285,7 @@ class Prediction:
         state = fit.detail
         assert isinstance(state, Fitted)
         W, white, event = self._passes.rows(state.sensitivity, state.journal, "all")
-        t, beta = state.journal.t[event], state.own.vector
+        t, beta = state.journal.stamps[event], state.own.vector  # as they are withheld, whatever is late
         parts = zip(state.own.effects, fit.in_mean, strict=True)
         lasts = np.concatenate([np.full(entry.size, term.interval is None) for entry, term in parts])
         prior = self._passes.prior(state.own.effects)

@@ -1,8 +1,9 @@
 """Single wrong readings among those that a log has, before any is left out or thinned: those far from their neighbours.
 
 A reading's distance from its neighbours, each less what the motion says, in units of what is usual around it, follows
-Student's t where nothing is wrong, however heavy its tail; where a share of the readings is wrong it is a mixture of
-that law and of a much wider one. Both are fitted; the ratio of their likelihoods decides.
+Student's t where nothing is wrong, however heavy its tail; where a share of the readings is wrong, those that are alone
+follow a mixture of that law and of a much wider one. Both are fitted; the ratio of their likelihoods decides. What
+moves the neighbours, too, is of the first law in both.
 
 Source of the mixture: G. E. P. Box, G. C. Tiao, "A Bayesian approach to some outlier problems", Biometrika 55 (1968)
 119; its wider law is here in the place of their known factor.
@@ -76,12 +77,11 @@ def wrong_among(error: FloatArray) -> WrongReadings | None:
     distances = _distances(error)
     if distances is None:
         return None
-    both, either = distances
-    is_alone = either > _ALONE * both
-    distance = np.where(is_alone, both, either)
+    distance, either = distances
+    is_alone = either > _ALONE * distance
     m = error.shape[1]
-    plain = _fit(distance, m, mixed=False)
-    mixed = _fit(distance, m, mixed=True, first=plain[1])
+    plain = _fit(distance, m)
+    mixed = _fit(distance, m, is_alone, plain[1])
     gain = 2.0 * (mixed[0] - plain[0])
     wrong = _is_wrong(distance, m, mixed[1]) & is_alone
     return WrongReadings(np.flatnonzero(wrong), len(error), gain, log_p_value(gain, ADDED))
@@ -125,20 +125,28 @@ def _parts(r: FloatArray, m: int, x: FloatArray) -> tuple[FloatArray, FloatArray
     return right, _log_normal(r, m, log_scale + log_factor) + special.log_expit(logit)
 
 
-def _fit(r: FloatArray, m: int, mixed: bool, first: FloatArray | None = None) -> tuple[float, FloatArray]:
+def _fit(
+    r: FloatArray, m: int, is_alone: BoolArray | None = None, first: FloatArray | None = None
+) -> tuple[float, FloatArray]:
     """Largest log likelihood and (2,) or (4,) logarithms of scale and degrees of freedom, logit of the share of wrong
     readings, logarithm of their spread.
+
+    Parameters
+    ----------
+    is_alone : (n,) which readings may be wrong; None: none is
+    first : (2,) where to begin, too
     """
     bounds = [(-5.0, 5.0), (0.0, np.log(1e3))]
     starts = [np.array([0.0, np.log(nu)]) for nu in (3.0, 30.0)]
-    if mixed:
+    if is_alone is not None:
         bounds += [(special.logit(1e-5), special.logit(0.2)), (np.log(_FACTOR[0]), np.log(_FACTOR[1]))]
         starts = [np.array([*s, special.logit(0.01), np.log(12.0)]) for s in [*starts, first] if s is not None]
 
     def cost(x: FloatArray) -> float:
-        if not mixed:
+        if is_alone is None:
             return -float(np.sum(_log_student(r, m, *x)))
-        return -float(np.sum(np.logaddexp(*_parts(r, m, x))))
+        right, wrong = _parts(r, m, x)
+        return -float(np.sum(np.where(is_alone, np.logaddexp(right, wrong), right)))
 
     found = [optimize.minimize(cost, start, method="L-BFGS-B", bounds=bounds) for start in starts]
     best = min(found, key=lambda one: one.fun)
