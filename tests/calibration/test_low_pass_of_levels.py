@@ -21,6 +21,7 @@ from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.flight_model import DRIVERS, LowPass
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.layout import V_N
 from sinan.estimator.filter.smoother import estimated_motion, smooth
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
@@ -39,7 +40,7 @@ def flown(shaken: float, rate: float = 10.0) -> tuple[Recording, FloatArray]:
     imu = recording.streams["imu"]
     off = shaken * np.random.default_rng(4).standard_normal((len(imu.t), 3))
     columns = {**imu.columns, **{name: imu[name] + off[:, k] for k, name in enumerate(ACCEL)}}
-    return recording.replace(streams={**recording.streams, "imu": Stream(imu.t, columns)}, sensors={}), truth[:, 3:6]
+    return recording.replace(streams={**recording.streams, "imu": Stream(imu.t, columns)}, sensors={}), truth[:, V_N]
 
 
 @cache
