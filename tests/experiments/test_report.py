@@ -12,10 +12,13 @@ import pytest
 
 from sinan.estimator.evidence.source import StreamResidual
 from sinan.estimator.evidence.term import Term
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.flight import Flight
+from sinan.estimator.filter.inputs import prepare
 from sinan.experiments.calibrate import as_json, calibrate_triad
 from sinan.experiments.commands.calibrate import run as calibrate
 from sinan.experiments.commands.demo import HIDDEN, hidden_and_found
-from sinan.experiments.estimate import BiasCourse
+from sinan.experiments.estimate import BiasCourse, report_of
 from sinan.experiments.labs.magnetometer import sign_errors
 from sinan.experiments.report.calibration_words import summary as calibration_summary
 from sinan.experiments.report.calibration_words import warnings_of as calibration_warnings
@@ -70,6 +73,7 @@ from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.plain import write_recording
 from sinan.sensors.recording import MAG, Stream
 from sinan.sensors.simulate import simulate
+from tests.estimator.analytic_flight import fly
 
 Report = tuple[Traced, dict[str, Any]]
 #: A time since 1970 [s].
@@ -373,6 +377,22 @@ def test_nobody_is_warned_of_what_the_filter_assumes() -> None:
     assert innovation_warnings(document) == []
     assert innovations(document, "level") == "assumed, no sensor"
     assert "nothing speaks against" in size_of_innovations(document)
+
+
+def test_where_no_interval_is_known_innovations_say_nothing() -> None:
+    """Of noise that was found from them, with heavy tails, `report_of` gives none."""
+    document = an_estimate(nis={"mag": 1.8}, nis_interval={"mag": [None, None]})
+    assert innovations(document, "mag") == ""
+    assert innovation_warnings(document) == []
+    assert "says nothing" in size_of_innovations(document)
+
+
+def test_an_interval_is_of_innovations_whose_law_is_normal() -> None:
+    recording, _ = fly(1, duration=5.0)
+    for tail, known in ((None, True), (4.0, False)):
+        journal = run(prepare(Flight.of(recording, tail=tail, gate_level=None)), "numba", 0)
+        intervals = report_of(journal)["nis_interval"]
+        assert all((low is not None) == (high is not None) == known for low, high in intervals.values())
 
 
 def test_biases_stand_beside_the_truth_where_there_is_one() -> None:
