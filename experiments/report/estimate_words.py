@@ -165,7 +165,7 @@ def size_of_innovations(document: Mapping[str, Any]) -> str:
         for mark in ("larger", "smaller")
         if (named := [SENSORS.get(sensor, sensor) for sensor in asked if marks[sensor] == mark])
     ]
-    if not asked:
+    if not asked and any(nis is not None and not marks[sensor] for sensor, nis in document["nis"].items()):
         return "How large innovations are says nothing against a model whose noise was found from them."
     if not outside:
         return "The innovations are as large as the filter expects: nothing speaks against its model."

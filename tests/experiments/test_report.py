@@ -385,6 +385,7 @@ def test_where_no_interval_is_known_innovations_say_nothing() -> None:
     assert innovations(document, "mag") == ""
     assert innovation_warnings(document) == []
     assert "says nothing" in size_of_innovations(document)
+    assert "says nothing" not in size_of_innovations(an_estimate(nis={}, nis_interval={}))  # nothing was found from any
 
 
 def test_an_interval_is_of_innovations_whose_law_is_normal() -> None:
