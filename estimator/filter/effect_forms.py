@@ -26,7 +26,7 @@ from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DP, DTHETA, DV, PV
-from sinan.estimator.filter.low_pass import low_passed_beside
+from sinan.estimator.filter.low_pass import low_passed
 from sinan.estimator.filter.smoother import estimated_motion, smooth, with_imu
 from sinan.estimator.filter.wiener import signal_part, without_vibration
 from sinan.sensors.arrays import FloatArray, IntArray, zero_unless_finite
@@ -241,7 +241,7 @@ def is_of_own_reading(entry: Effect) -> bool:
 
 def low_passed_in(flight: Flight, table: ImuTable, values: FloatArray, stream: str) -> FloatArray:
     """(N, ...) what goes with the samples of accelerometer or gyroscope, as the low pass leaves it."""
-    return low_passed_beside(table.t, table.row >= 0, values, stream, flight.model, flight.recording.breaks)
+    return low_passed(table.t, values, stream, flight.model, flight.recording.breaks, table.row)
 
 
 def with_covariates(recording: Recording, stream: str, motion: Motion) -> Motion:

@@ -154,11 +154,11 @@ class Journal:
             brief span `MOST_OF_A_SPAN` at most; of other streams the time of the journal has to be inside
         spans : begin and end of each stretch [s]
         """
-        t, margin = self.t.copy(), np.zeros(len(self))
+        t, margin, stamps = self.t.copy(), np.zeros(len(self)), self.stamps if margins else self.t
         for number, name in enumerate(self.sensors):
             if name in margins:
                 mine = np.flatnonzero(self.sensor == number)
-                t[mine], margin[mine] = self.stamps[mine], margins[name]
+                t[mine], margin[mine] = stamps[mine], margins[name]
         inside = np.zeros(len(self), dtype=bool)
         for start, end in spans:
             least = np.minimum(margin, MOST_OF_A_SPAN * (end - start))

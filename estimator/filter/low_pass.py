@@ -23,7 +23,7 @@ from collections.abc import Collection
 import numpy as np
 
 from sinan.estimator.filter.flight_model import FlightModel
-from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.arrays import FloatArray, IntArray
 
 #: Stamps closer than this, as a part of the nominal step, are taken for so far apart: rounding is 2^-53 = 1e-16 of the
 #: equations' largest coefficient, and would be seen.
@@ -45,14 +45,29 @@ def low_passed_imu(t: FloatArray, u: FloatArray, model: FlightModel, breaks: Col
 
 
 def low_passed(
-    t: FloatArray, values: FloatArray, stream: str, model: FlightModel, breaks: Collection[float] = ()
+    t: FloatArray,
+    values: FloatArray,
+    stream: str,
+    model: FlightModel,
+    breaks: Collection[float] = (),
+    row: IntArray | None = None,
 ) -> FloatArray:
     """(n, ...) what goes with the samples of accelerometer or gyroscope, as the low pass leaves it; the same object
     where there is none.
+
+    Parameters
+    ----------
+    row : (n,) of a table of which some samples were put into gaps, see `ImuTable`: these lie between their neighbours
     """
     tau: float = getattr(model.low_pass, stream)
     if not tau or len(t) < 2 or not values.size:
         return values
+    if row is not None and np.any(row < 0):
+        from scipy.interpolate import make_interp_spline
+
+        own = row >= 0
+        left = low_passed(t[own], values[own], stream, model, breaks)
+        return np.asarray(make_interp_spline(t[own], left, k=1)(t))
     from scipy.linalg import solveh_banded
 
     rate, log = model.rate, np.searchsorted(np.sort(np.array(list(breaks))), t, side="right")
@@ -65,23 +80,3 @@ def low_passed(
     bands[1, :-1] += stiff
     flat = values.reshape(len(t), -1) / rate
     return np.asarray(solveh_banded(bands, flat, check_finite=False)).reshape(values.shape)
-
-
-def low_passed_beside(
-    t: FloatArray, measured: BoolArray, values: FloatArray, stream: str, model: FlightModel, breaks: Collection[float]
-) -> FloatArray:
-    """(n, ...) the same at the samples of a table of which some were put into gaps: these lie between their neighbours,
-    as the samples themselves do.
-
-    Parameters
-    ----------
-    measured : (n,) which are the IMU's own, the first and the last among them
-    """
-    if np.all(measured) or not getattr(model.low_pass, stream):
-        return low_passed(t, values, stream, model, breaks)
-    own = np.flatnonzero(measured)
-    found = low_passed(t[own], values[own], stream, model, breaks)
-    before = np.minimum(np.searchsorted(own, np.arange(len(t)), side="right") - 1, len(own) - 2)
-    share = (t - t[own[before]]) / (t[own[before + 1]] - t[own[before]])
-    share = share.reshape(-1, *(1,) * (values.ndim - 1))
-    return np.asarray(found[before] + share * (found[before + 1] - found[before]))
